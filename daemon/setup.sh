@@ -5,8 +5,9 @@ build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libgli
     libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
     libwebsockets-dev gnuplot-nox iproute2 nftables hdf5-tools"
 
-# What the tests use besides: runs over MPI, meshes by Gmsh.
-test_packages="libopenmpi-dev openmpi-bin libgmsh-dev"
+# What the tests use besides: runs over MPI, meshes by Gmsh, a second compiler and its sanitizers, the layout.
+test_packages="libopenmpi-dev openmpi-bin libgmsh-dev clang libclang-rt-dev clang-format
+    clang-tidy python3"
 
 # The folder for logs of what is installed.
 logs=build

@@ -1,5 +1,5 @@
 # A CMake toolchain that builds for arm64 on another Debian machine and runs the tests under qemu. CMAKE_SYSROOT is a
-# folder with Debian's arm64 libraries; tests/README.md has the command that makes it.
+# folder with Debian's arm64 libraries; tests/arm64.sh makes it.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

@@ -1,11 +1,15 @@
 // portmet-train: the offline tools.
 #include "base/linalg.h"
-#include "base/stop.h"
 #include "base/subcommand.h"
+#include "bodies/bodies.h"
 #include "command/commands.h"
 
+static pm_status truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    return pm_command_truth(pm_body_simulators, argc, argv, stop);
+}
+
 static const pm_subcommand commands[] = {
-    {"truth", "simulate ground truth into a dataset", pm_command_truth},
+    {"truth", "simulate ground truth into a dataset", truth},
     {"correct", "correct a simulation by known fields", pm_command_correct},
     {"reduce", "find the modes of a body in its fields", pm_command_reduce},
     {"nodes", "write fields of a body as nodal values", pm_command_nodes},
@@ -29,11 +33,12 @@ static const pm_subcommands program = {
     .codes =
         "0 success, 2 command line, 3 configuration, 4 file, 5 data, 6 weights,\n"
         "9 numerics, 10 a law violated, 11 memory, 12 interrupted, 13 the trained model is unfit.",
+    .second_signal_ends = true,
     .count = sizeof commands / sizeof *commands,
     .command = commands,
 };
 
 int main(int argc, char **argv) {
     pm_linalg_init();
-    return pm_subcommand_main(&program, argc, argv, pm_stop_install(PM_STOP_SECOND_ENDS));
+    return pm_subcommand_main(&program, argc, argv);
 }

@@ -1,20 +1,66 @@
-// The subcommands of portmetd, one file each. Each function gets the name of its subcommand as
-// argv[0] and the arguments after it, and returns PM_EINTERRUPTED soon after `*stop` becomes
-// non-zero (base/subcommand.h). A new subcommand needs a file, a line here and a line in main.c.
+// The subcommands of portmetd, and the options with which they are called. There is one table of
+// options (main.c), of which each subcommand accepts some. A new subcommand needs a file, a line
+// here and a line in main.c.
 #ifndef PM_APP_COMMAND_H
 #define PM_APP_COMMAND_H
 
 #include <signal.h>
+#include <stdbool.h>
+#include <stdint.h>
 
-#include "app/options.h"
+#include "base/journal.h"
+#include "base/status.h"
 
-pm_status pm_command_run(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_node(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_coordinator(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_emit(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_export(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_status(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_view(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_check(int argc, char **argv, const volatile sig_atomic_t *stop);
+// The options that a subcommand was given. Text points into argv; text that was not given is NULL.
+typedef struct pm_run_options {
+    const char *scene, *name; // positional; `name` only where the subcommand has two
+    const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
+    const char *bind, *recording;
+    const char *hosts; // of the processes, for `emit`
+    int64_t steps;     // number of steps of the run; 0: as the scene says
+    int64_t session;   // number of the session to join or to open; 0: no session was given
+    int64_t port, udp; // numbers of ports; 0: not given
+    bool in_process, quiet, overwrite;
+    bool coordinator_speaks; // a node leaves it to the coordinator to print why the run has failed
+    pm_journal log;          // of the lines on standard error
+    const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
+} pm_run_options;
+
+// The options that a subcommand may accept, besides --help.
+enum {
+    PM_OPTION_STEPS = 1 << 0,
+    PM_OPTION_RECORD = 1 << 1,
+    PM_OPTION_WEIGHTS = 1 << 2,
+    PM_OPTION_URL = 1 << 3,
+    PM_OPTION_IN_PROCESS = 1 << 4,
+    PM_OPTION_QUIET = 1 << 5,
+    PM_OPTION_SESSION = 1 << 6,
+    PM_OPTION_CHECKPOINT = 1 << 7,
+    PM_OPTION_GATE = 1 << 8,
+    PM_OPTION_C = 1 << 9,
+    PM_OPTION_OUTPUT = 1 << 10,
+    PM_OPTION_OVERWRITE = 1 << 11,
+    PM_OPTION_REPLAY = 1 << 12,
+    PM_OPTION_LOG = 1 << 13,
+    PM_OPTION_PORT = 1 << 14,
+    PM_OPTION_BIND = 1 << 15,
+    PM_OPTION_UDP = 1 << 16,
+    PM_OPTION_RECORDING = 1 << 17,
+    PM_OPTION_HOSTS = 1 << 18,
+    PM_OPTION_FILES = 1 << 19 // --output as well
+};
+
+typedef struct pm_command {
+    const char *name;
+    const char *summary;   // half a line
+    const char *arguments; // positional, "SCENE" or "SCENE NAME"
+    const char *help;      // paragraphs
+    unsigned accepts;      // PM_OPTION_... combined
+    // Returns PM_EINTERRUPTED soon after *options->stop becomes non-zero.
+    pm_status (*execute)(const pm_run_options *options);
+} pm_command;
+
+extern const pm_command pm_command_run, pm_command_node, pm_command_coordinator, pm_command_status,
+    pm_command_view, pm_command_export, pm_command_emit, pm_command_check;
 
 #endif

@@ -1,5 +1,4 @@
 // portmetd check: loads everything that a run would load, and describes it.
-#include <errno.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,68 +6,80 @@
 
 #include "app/command.h"
 #include "app/connect.h"
-#include "app/listed.h"
 #include "app/prepare.h"
-#include "app/skipped.h"
+#include "model/operator.h"
+#include "model/site.h"
 #include "scene/model_reader.h"
-#include "sim/round_cost.h"
-#include "sim/subsystem.h"
+#include "sim/contact_broadphase.h"
+#include "sim/local_subsystems.h"
 #include "store/names.h"
 #include "transport/channel.h"
 
 #define LONGEST_LINE 400 // characters shown of one line of a model; a matrix may be large
 
-// Opens the subsystems, as nodes would; of many alike, one. `rounds` receives the number of flux
-// exchanges per step.
-static pm_status build_all(const pm_setup *setup, int *rounds) {
-    const pm_scene *scene = setup->scene;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        pm_subsystem *subsystem;
-        if (!pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i) &&
-            scene->subsystem[i].substeps == 1) {
-            continue;
-        }
-        PM_TRY(pm_subsystem_open(&subsystem, setup->system, i));
-        *rounds = pm_subsystem_most_rounds(subsystem);
-        pm_subsystem_close(subsystem);
-    }
-    return PM_OK;
+// --- lists ---
+
+// Returns true if component i of `count` is listed. Of many components only the first of those that
+// share a model is. owner [count] gives, for each component, the first component with the same
+// model (part_owner and port_owner in scene/system.h).
+static bool is_listed(int count, const int *owner, int i) {
+    return count <= PM_SCENE_LISTED || owner[i] == i;
 }
 
-static void print_network(const pm_scene *scene) {
-    const bool ranks = pm_transport_has_ranks(scene->url);
-    printf("  %-10s %s, window %d, patience %g s\n", ranks ? "MPI" : "LCM", scene->url,
-           scene->window, scene->patience);
-    if (ranks) {
-        printf("  ranks      %d: one for each process, and one that coordinates them\n",
-               scene->nprocess + 1);
+// Says for how many others a component stands that is listed for them.
+static void print_alike_count(int count, const int *owner, int i, const char *what) {
+    int others = 0;
+    for (int k = 0; k < count && count > PM_SCENE_LISTED; ++k) {
+        others += k != i && owner[k] == i;
     }
-    for (int i = 0; i < scene->ntap; ++i) {
-        printf("%s%s%s", i == 0 ? "  tap        " : ", ", scene->tap[i],
-               i + 1 == scene->ntap ? ": repeated over LCM where a run uses MPI\n" : "");
+    if (others > 0) {
+        printf("  and %d more %s with the same model\n", others, what);
     }
 }
+
+// Prints names; names with consecutive numbers are folded into ranges.
+static void print_names(const char *const *name, int count) {
+    pm_arena arena = {0};
+    const char *list = pm_names_fold(name, count, &arena);
+    printf(" %s", list == NULL ? "(no memory to list them)" : list);
+    pm_arena_free(&arena);
+}
+
+// --- components ---
 
 static void print_header(const pm_setup *setup, int rounds) {
     const pm_scene *scene = setup->scene;
     printf("scene %s (%s)\n", scene->name, scene->path);
-    printf("  time       %d steps of %g s, %s, ", scene->steps, scene->dt, scene->integrator->name);
-    if (scene->tolerance > 0) {
-        printf("substeps for a tolerance of %g, at least %d\n", scene->tolerance, scene->substeps);
+    printf("  time       %d steps of %g s, %s, ", scene->run.steps, scene->physics.dt,
+           scene->physics.integrator->name);
+    if (pm_physics_is_adaptive(&scene->physics)) {
+        printf("substeps for a tolerance of %g, at least %d\n", scene->physics.tolerance,
+               scene->physics.substeps);
     } else {
-        printf("%d substeps: %s%d flux exchanges per step\n", scene->substeps,
-               scene->integrator->discrete ? "at most " : "", rounds);
+        printf("%d substeps: %s%d flux exchanges per step\n", scene->physics.substeps,
+               pm_integrator_iterates(scene->physics.integrator) ? "at most " : "", rounds);
     }
-    print_network(scene);
-    if (scene->key_file != NULL) {
-        printf("  key        %s: messages are sealed\n", scene->key_file);
+    const char *url = pm_connect_url(scene, NULL);
+    const bool ranks = pm_transport_has_ranks(url);
+    printf("  %-10s %s, window %d, patience %g s\n", ranks ? "MPI" : "LCM", url,
+           scene->network.window, scene->network.patience);
+    if (ranks) {
+        printf("  ranks      %d: one for each process, and one that coordinates them\n",
+               scene->network.nprocess + 1);
+    }
+    for (int i = 0; i < scene->network.ntap; ++i) {
+        printf("%s%s%s", i == 0 ? "  tap        " : ", ", scene->network.tap[i],
+               i + 1 == scene->network.ntap ? ": repeated over LCM where a run uses MPI\n" : "");
+    }
+    if (scene->network.key_file != NULL) {
+        printf("  key        %s: messages are sealed\n", scene->network.key_file);
     }
     printf("  tolerance  energy %g, entropy %g (relative residuals on hard components)\n",
-           scene->energy_tolerance, scene->entropy_tolerance);
+           scene->run.energy_tolerance, scene->run.entropy_tolerance);
     if (setup->reference != NULL) {
-        printf("  reference  %s, trajectory %d of %d, %d states of %g s\n", scene->reference,
-               scene->reference_trajectory, setup->reference->ntrajectory, setup->reference->ntime,
-               setup->reference->dt);
+        printf("  reference  %s, trajectory %d of %d, %d states of %g s\n", scene->run.reference,
+               scene->run.reference_trajectory, setup->reference->ntrajectory,
+               setup->reference->ntime, setup->reference->dt);
     }
     if (setup->initial != NULL) {
         printf("  digest     %016" PRIx64 "\n", setup->system->digest);
@@ -83,18 +94,20 @@ static const char *form_name(pm_form form) {
     return names[form];
 }
 
-// Prints a known model; `model` is its text (NULL: there was no memory for it).
-static void print_model(const char *model, const pm_provenance *provenance) {
-    printf("  model      known, digest %016" PRIx64 "\n", provenance->digest);
-    while (model != NULL && *model != '\0') {
-        const int length = (int)strcspn(model, "\n");
-        const bool fits = length <= LONGEST_LINE;
-        printf("             %.*s%s\n", fits ? length : LONGEST_LINE, model, fits ? "" : " ...");
-        model += length + 1;
+// Prints where a model comes from: its weights file, or, if it is `known`, its text (NULL: there
+// was no memory for it).
+static void print_model(bool known, const char *text, const pm_params *params,
+                        const pm_provenance *provenance) {
+    if (known) {
+        printf("  model      known, digest %016" PRIx64 "\n", provenance->digest);
+        while (text != NULL && *text != '\0') {
+            const int length = (int)strcspn(text, "\n");
+            const bool fits = length <= LONGEST_LINE;
+            printf("             %.*s%s\n", fits ? length : LONGEST_LINE, text, fits ? "" : " ...");
+            text += length + 1;
+        }
+        return;
     }
-}
-
-static void print_weights(const pm_params *params, const pm_provenance *provenance) {
     printf("  weights    %s: %zu numbers, digest %016" PRIx64 "\n", provenance->path,
            pm_params_trained(params), provenance->digest);
     printf("             made by: %s\n", provenance->command);
@@ -108,48 +121,32 @@ static void print_weights(const pm_params *params, const pm_provenance *provenan
     }
 }
 
-// Prints names; names with consecutive numbers are folded into ranges.
-static void print_names(const char *const *name, int count) {
-    pm_arena arena = {0};
-    const char *list = pm_names_fold(name, count, &arena);
-    printf(" %s", list == NULL ? "(no memory to list them)" : list);
-    pm_arena_free(&arena);
-}
-
-static void print_group(const pm_scene *scene, const pm_scene_subsystem *subsystem, int group_id) {
-    const pm_group *group = &subsystem->layout.group[group_id];
-    printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
-    if (subsystem->column != NULL) {
-        print_names(subsystem->column + group->first, group->size);
-    }
-    const int base = subsystem->relative_subsystem[group_id];
-    if (base >= 0) {
-        const pm_scene_subsystem *other = &scene->subsystem[base];
-        printf(", measured from %s.%s", other->name,
-               other->layout.group[subsystem->relative_group[group_id]].name);
-    }
-    printf("\n");
-}
-
 static void print_subsystem(const pm_setup *setup, int i) {
-    const pm_scene_subsystem *subsystem = &setup->scene->subsystem[i];
+    const pm_scene *scene = setup->scene;
+    const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
     const pm_part *part = setup->system->part[i];
     printf("\nsubsystem %s (%s): %d variables\n", subsystem->name, form_name(part->spec.form),
            subsystem->layout.nz);
-    if (subsystem->substeps > 1) {
-        printf("  time       %d steps of its own between two exchanges\n", subsystem->substeps);
-    }
-    for (int group = 0; group < subsystem->layout.ngroup; ++group) {
-        print_group(setup->scene, subsystem, group);
-    }
-    const pm_provenance *provenance = setup->system->part_provenance[i];
-    if (subsystem->model == NULL) {
-        print_weights(&part->params, provenance);
-        return;
+    for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+        const pm_group *group = &subsystem->layout.group[g];
+        printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
+        if (subsystem->column != NULL) {
+            print_names(subsystem->column + group->first, group->size);
+        }
+        const int base = subsystem->relative_subsystem[g];
+        if (base >= 0) {
+            const pm_scene_subsystem *other = &scene->physics.subsystem[base];
+            printf(", measured from %s.%s", other->name,
+                   other->layout.group[subsystem->relative_group[g]].name);
+        }
+        printf("\n");
     }
     pm_arena arena = {0};
-    print_model(pm_part_spec_write(&part->spec, &arena), provenance);
+    const bool known = subsystem->model != NULL;
+    print_model(known, known ? pm_part_spec_write(&part->spec, &arena) : NULL, &part->params,
+                setup->system->component[i].provenance);
     pm_arena_free(&arena);
+    print_alike_count(scene->physics.nsubsystem, setup->system->part_owner, i, "subsystems");
 }
 
 // Counts the values, from the first on, that are all columns, or all the same number.
@@ -162,50 +159,43 @@ static int count_alike(const pm_scene_prescribed *value, int count) {
     return n;
 }
 
-static void print_alike(const pm_scene_prescribed *value, int count) {
-    pm_arena arena = {0};
-    const char **name = pm_arena_array(&arena, (size_t)count, sizeof *name);
-    for (int i = 0; name != NULL && i < count; ++i) {
-        name[i] = value[i].column;
-    }
-    if (value->column == NULL) {
-        printf(" %g", value->number);
-        if (count > 1) {
-            printf(" (%d times)", count);
-        }
-    } else if (name != NULL) {
-        print_names(name, count);
-    }
-    pm_arena_free(&arena);
-}
-
 // Prints a list such as "dE vx vy", unless all its values are zero.
 static void print_prescribed(const char *what, const pm_scene_prescribed *value, int count) {
     if (value->column == NULL && value->number == 0 && count_alike(value, count) == count) {
         return;
     }
     printf("  %s", what);
-    for (int i = 0, n; i < count; i += n) {
-        n = count_alike(value + i, count - i);
-        print_alike(value + i, n);
-    }
-}
-
-static bool is_used(const pm_scene *scene, int input_id) {
-    for (int i = 0; i < scene->nport; ++i) {
-        if (scene->port[i].boundary_input[0] == input_id ||
-            scene->port[i].boundary_input[1] == input_id) {
-            return true;
+    for (int n; count > 0; value += n, count -= n) {
+        n = count_alike(value, count);
+        if (value->column == NULL) {
+            printf(" %g", value->number);
+            if (n > 1) {
+                printf(" (%d times)", n);
+            }
+            continue;
         }
+        pm_arena arena = {0};
+        const char **name = pm_arena_array(&arena, (size_t)n, sizeof *name);
+        for (int i = 0; name != NULL && i < n; ++i) {
+            name[i] = value[i].column;
+        }
+        if (name != NULL) {
+            print_names(name, n);
+        }
+        pm_arena_free(&arena);
     }
-    return false;
 }
 
 static void print_boundary_input(const pm_scene *scene, int input_id) {
     static const char *const what[] = {"value", "dE", "dS"};
-    const pm_scene_boundary_input *boundary_input = &scene->boundary_input[input_id];
+    const pm_scene_boundary_input *boundary_input = &scene->physics.boundary_input[input_id];
+    bool used = false;
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        used = used || scene->physics.port[i].boundary_input[0] == input_id ||
+               scene->physics.port[i].boundary_input[1] == input_id;
+    }
     printf("\nboundary input %s: numbers, columns of the reference or live values%s\n",
-           boundary_input->name, is_used(scene, input_id) ? "" : "; no port ends at it");
+           boundary_input->name, used ? "" : "; no port ends at it");
     for (int g = 0; g < boundary_input->layout.ngroup; ++g) {
         const pm_group *group = &boundary_input->layout.group[g];
         printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
@@ -218,74 +208,47 @@ static void print_boundary_input(const pm_scene *scene, int input_id) {
     }
 }
 
-static void print_live_input(const pm_scene_live_input *input) {
-    printf("\nlive input on channel %s:", input->channel);
-    for (int i = 0; i < input->count; ++i) {
-        printf(" %s", input->name[i]);
-    }
-    printf("\n  %s", input->waits    ? "each step waits for the message of its number"
-                     : input->starts ? "the newest message holds; `start` until the first one"
-                                     : "the newest message holds; the run waits for the first one");
-    if (isfinite(input->age)) {
-        printf("; the run ends after %g s without a message", input->age);
-    }
-    printf("\n");
-}
-
 static void print_port(const pm_setup *setup, int i) {
-    const pm_scene_port *port = &setup->scene->port[i];
+    const pm_scene *scene = setup->scene;
+    const pm_scene_port *port = &scene->physics.port[i];
     const pm_port_model *model = setup->system->port[i];
     printf("\nport %s (%s, %s)\n", port->name, port->law, form_name(model->spec.form));
     for (int end = 0; end < 2; ++end) {
-        printf("  end %c      %s exposes", 'a' + end, pm_scene_end_name(setup->scene, port, end));
+        printf("  end %c      %s exposes", 'a' + end, pm_scene_end_name(scene, port, end));
         for (int group = 0; group < port->layout[end].ngroup; ++group) {
             printf(" %s", port->layout[end].group[group].name);
         }
         printf("\n");
     }
-    const pm_provenance *provenance = setup->system->port_provenance[i];
-    if (port->model == NULL) {
-        print_weights(&model->params, provenance);
-        return;
-    }
     pm_arena arena = {0};
-    print_model(pm_port_spec_write(&model->spec, &arena), provenance);
+    const bool known = port->model != NULL;
+    print_model(known, known ? pm_port_spec_write(&model->spec, &arena) : NULL, &model->params,
+                setup->system->component[scene->physics.nsubsystem + i].provenance);
     pm_arena_free(&arena);
+    print_alike_count(scene->physics.nport, setup->system->port_owner, i, "ports");
 }
 
-static void print_process(const pm_scene *scene, const pm_scene_process *process) {
-    pm_arena arena = {0};
-    const char **name = pm_arena_array(&arena, (size_t)process->count, sizeof *name);
-    printf("  %s:", process->name);
-    for (int k = 0; k < process->count && name != NULL; ++k) {
-        name[k] = scene->subsystem[process->subsystem[k]].name;
-    }
-    if (name != NULL) {
-        print_names(name, process->count);
-    }
-    printf("\n");
-    pm_arena_free(&arena);
-}
+// --- processes ---
 
 static void print_processes(const pm_scene *scene) {
     printf("\nprocesses\n");
-    for (int i = 0; i < scene->nprocess && i < PM_MOST_LISTED; ++i) {
-        print_process(scene, &scene->process[i]);
-    }
-    if (scene->nprocess > PM_MOST_LISTED) {
-        printf("  and %d more\n", scene->nprocess - PM_MOST_LISTED);
-    }
-}
-
-static bool sends_fluxes(const pm_scene *scene, int process_id) {
-    for (int k = 0; k < 2 * scene->nport; ++k) {
-        const int id = scene->port[k / 2].subsystem[k % 2];
-        if (id >= 0 && scene->subsystem[id].process == process_id &&
-            pm_scene_joins_processes(scene, &scene->port[k / 2])) {
-            return true;
+    for (int i = 0; i < scene->network.nprocess && i < PM_SCENE_LISTED; ++i) {
+        const pm_scene_process *process = &scene->network.process[i];
+        pm_arena arena = {0};
+        const char **name = pm_arena_array(&arena, (size_t)process->count, sizeof *name);
+        printf("  %s:", process->name);
+        for (int k = 0; k < process->count && name != NULL; ++k) {
+            name[k] = scene->physics.subsystem[process->subsystem[k]].name;
         }
+        if (name != NULL) {
+            print_names(name, process->count);
+        }
+        printf("\n");
+        pm_arena_free(&arena);
     }
-    return false;
+    if (scene->network.nprocess > PM_SCENE_LISTED) {
+        printf("  and %d more\n", scene->network.nprocess - PM_SCENE_LISTED);
+    }
 }
 
 static pm_status print_channels(const pm_scene *scene) {
@@ -297,127 +260,199 @@ static pm_status print_channels(const pm_scene *scene) {
         PM_TRY(pm_channel_scene(channel, scene, words[i]));
         printf("  %s\n", channel);
     }
-    for (int i = 0; i < scene->nprocess && i < PM_MOST_LISTED; ++i) {
-        if (sends_fluxes(scene, i)) {
+    for (int i = 0; i < scene->network.nprocess && i < PM_SCENE_LISTED; ++i) {
+        bool sends = false; // fluxes to another process
+        for (int k = 0; k < 2 * scene->physics.nport && !sends; ++k) {
+            const pm_scene_port *port = &scene->physics.port[k / 2];
+            const int id = port->subsystem[k % 2];
+            sends = id >= 0 && scene->physics.subsystem[id].process == i &&
+                    pm_port_crosses_processes(scene, port);
+        }
+        if (sends) {
             PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
             printf("  %s\n", channel);
         }
         PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
         printf("  %s\n", channel);
-        PM_TRY(pm_channel_hello(channel, scene, scene->process[i].name));
+        PM_TRY(pm_channel_hello(channel, scene, scene->network.process[i].name));
         printf("  %s\n", channel);
-        PM_TRY(pm_channel_request(channel, scene, scene->process[i].name));
+        PM_TRY(pm_channel_request(channel, scene, scene->network.process[i].name));
         printf("  %s\n", channel);
     }
-    if (scene->nprocess > PM_MOST_LISTED) {
-        printf("  and those of %d more processes\n", scene->nprocess - PM_MOST_LISTED);
+    if (scene->network.nprocess > PM_SCENE_LISTED) {
+        printf("  and those of %d more processes\n", scene->network.nprocess - PM_SCENE_LISTED);
     }
     return PM_OK;
 }
 
-// Says for how many others a component stands that is listed for them.
-static void print_alike_count(int count, const int *owner, int i, const char *what) {
-    const int all = pm_listed_for(count, owner, i);
-    if (all > 1) {
-        printf("  and %d more %s with the same model\n", all - 1, what);
+// --- what a run skips ---
+
+// The state of a part, or what one end of a port exposes, as an operator sees it.
+typedef struct side {
+    const char *prefix; // of the names of its groups in the operator
+    const pm_layout *layout;
+    const pm_part *part; // the part whose potentials depend on these groups; NULL: a boundary input
+} side;
+
+static bool acts_on(const pm_operator_spec *spec, const char *group) {
+    return (spec->learned && (pm_is_listed(spec->nacts, spec->acts_on, group) ||
+                              pm_is_listed(spec->nagainst, spec->against, group))) ||
+           pm_given_names(spec, group) || pm_is_listed(spec->nheats, spec->heats, group);
+}
+
+// Prints an operator that is absent, or that has no effect: one of the hard form that acts on so
+// few components that its projection (model/operator.h) leaves nothing. `what` names it, such as
+// "reversible bulk".
+static void print_operator(const char *owner, const char *what, const pm_operator_spec *spec,
+                           pm_operator_kind kind, pm_form form, int nside, const side *sides) {
+    if (!pm_operator_exists(spec)) {
+        printf("  %s: %s: none\n", owner, what);
+        return;
+    }
+    int count = 0; // components on which the operator acts
+    // Whether the covector that the projection removes, dS of a reversible and dE of an
+    // irreversible operator, depends on them.
+    bool constrained = false;
+    for (int i = 0; i < nside; ++i) {
+        const pm_part *part = sides[i].part;
+        for (int k = 0; k < sides[i].layout->ngroup; ++k) {
+            const pm_group *group = &sides[i].layout->group[k];
+            char name[PM_MAX_NAME];
+            snprintf(name, sizeof name, "%s%s", sides[i].prefix, group->name);
+            if (acts_on(spec, name)) {
+                count += group->size;
+                const pm_potential_spec *normal = part == NULL            ? NULL
+                                                  : kind == PM_REVERSIBLE ? &part->spec.entropy
+                                                                          : &part->spec.energy;
+                constrained =
+                    constrained || (part == NULL ? kind == PM_IRREVERSIBLE
+                                                 : pm_part_depends(part, normal, group->name));
+            }
+        }
+    }
+    // The projection removes the direction of the covector; a skew matrix needs two more.
+    if (form == PM_HARD && count - constrained < (kind == PM_REVERSIBLE ? 2 : 1)) {
+        printf("  %s: %s: does nothing: it acts on %d component%s, and the projection leaves "
+               "nothing of it\n",
+               owner, what, count, count == 1 ? "" : "s");
     }
 }
+
+static void print_skipped(const pm_setup *setup) {
+    const pm_physics *physics = &setup->scene->physics;
+    const pm_system *system = setup->system;
+    printf("\nskipped\n");
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const char *name = physics->subsystem[i].name;
+        const pm_part *part = system->part[i];
+        const pm_part_spec *spec = &part->spec;
+        if (!is_listed(physics->nsubsystem, system->part_owner, i)) {
+            continue;
+        }
+        if (spec->form == PM_FREE) {
+            printf("  %s: free: energy and entropy are not defined, and neither law is checked\n",
+                   name);
+            continue;
+        }
+        if (!pm_part_has_entropy(part)) {
+            printf("  %s: no entropy: no S, no M, no entropy flux\n", name);
+        }
+        pm_arena arena = {0};
+        pm_contact_broadphase bounding = {0};
+        if (pm_contact_broadphase_open(&bounding, &arena, part) != PM_OK) {
+            printf("  %s: no bounding test: %s\n", name, pm_error());
+        } else if (bounding.unconstrained != NULL) {
+            printf("  %s: energy and forces of its %d gaps, while a bounding test says that all "
+                   "are open\n",
+                   name, bounding.n);
+        }
+        pm_contact_broadphase_close(&bounding);
+        pm_arena_free(&arena);
+        const side state = {"", &part->layout, part};
+        print_operator(name, "reversible bulk", &spec->reversible, PM_REVERSIBLE, spec->form, 1,
+                       &state);
+        print_operator(name, "irreversible bulk", &spec->irreversible, PM_IRREVERSIBLE, spec->form,
+                       1, &state);
+    }
+    for (int i = 0; i < physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        const pm_port_spec *spec = &system->port[i]->spec;
+        if (!is_listed(physics->nport, system->port_owner, i) || spec->form == PM_FREE ||
+            system->port[i]->law->has_no_operators) {
+            continue;
+        }
+        const int a = port->subsystem[0], b = port->subsystem[1];
+        const pm_layout *layout = system->port[i]->layout;
+        const side ends[2] = {{"a.", &layout[0], a < 0 ? NULL : system->part[a]},
+                              {"b.", &layout[1], b < 0 ? NULL : system->part[b]}};
+        print_operator(port->name, "reversible exchange", &spec->reversible, PM_REVERSIBLE,
+                       spec->form, 2, ends);
+        print_operator(port->name, "irreversible exchange", &spec->irreversible, PM_IRREVERSIBLE,
+                       spec->form, 2, ends);
+    }
+    if (setup->reference == NULL) {
+        printf("  no reference: no error table, and no states in reports unless --record asks\n");
+    }
+    printf("  no recorder unless --record names a file\n");
+}
+
+// --- the command ---
 
 static pm_status describe(const pm_setup *setup) {
-    int rounds = 0;
-    PM_TRY(build_all(setup, &rounds));
-    PM_TRY(pm_connect_key(setup->scene, NULL));
-    print_header(setup, rounds);
     const pm_scene *scene = setup->scene;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (pm_stands_in_list(scene->nsubsystem, setup->system->part_owner, i)) {
+    const pm_system *system = setup->system;
+    pm_local_subsystems *all; // are opened as nodes would open them
+    PM_TRY(pm_local_subsystems_open(&all, system, 0, NULL));
+    const int rounds = pm_local_subsystems_most_rounds(all); // exchanges of fluxes per step
+    pm_local_subsystems_close(all);
+    PM_TRY(pm_connect_key(scene, NULL));
+    print_header(setup, rounds);
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        if (is_listed(scene->physics.nsubsystem, system->part_owner, i)) {
             print_subsystem(setup, i);
-            print_alike_count(scene->nsubsystem, setup->system->part_owner, i, "subsystems");
         }
     }
-    for (int i = 0; i < setup->scene->nboundary_input; ++i) {
-        print_boundary_input(setup->scene, i);
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        print_boundary_input(scene, i);
     }
-    for (int i = 0; i < scene->nlive_input; ++i) {
-        print_live_input(&scene->live_input[i]);
+    for (int i = 0; i < scene->network.nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->network.live_input[i];
+        printf("\nlive input on channel %s:", input->channel);
+        for (int k = 0; k < input->count; ++k) {
+            printf(" %s", input->name[k]);
+        }
+        printf("\n  %s", input->waits    ? "each step waits for the message of its number"
+                         : input->starts ? "the newest message holds; `start` until the first one"
+                                         : "the newest message holds; the run waits for the first "
+                                           "one");
+        if (isfinite(input->age)) {
+            printf("; the run ends after %g s without a message", input->age);
+        }
+        printf("\n");
     }
-    for (int i = 0; i < scene->nport; ++i) {
-        if (pm_stands_in_list(scene->nport, setup->system->port_owner, i)) {
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        if (is_listed(scene->physics.nport, system->port_owner, i)) {
             print_port(setup, i);
-            print_alike_count(scene->nport, setup->system->port_owner, i, "ports");
         }
     }
-    pm_skipped_print(setup);
-    print_processes(setup->scene);
-    return print_channels(setup->scene);
-}
-
-// Writes the costs of all models as comments, one line for each.
-static void write_costs(FILE *file, const pm_setup *setup, const int *cost) {
-    fprintf(file, "# Cut by measured costs of a round, in 1/8 of the cheapest subsystem:\n");
-    for (int i = 0; i < setup->scene->nsubsystem; ++i) {
-        if (setup->system->part_owner[i] == i) {
-            fprintf(file, "#   %s, and subsystems with its model: %d\n",
-                    setup->scene->subsystem[i].name, cost[i]);
-        }
-    }
-}
-
-static void write_lists(FILE *file, const pm_scene *scene) {
-    fprintf(file, "processes:\n");
-    for (int i = 0; i < scene->nprocess; ++i) {
-        const pm_scene_process *process = &scene->process[i];
-        fprintf(file, "  %s:\n", process->name);
-        for (int k = 0; k < process->count; ++k) {
-            fprintf(file, "    - %s\n", scene->subsystem[process->subsystem[k]].name);
-        }
-    }
-}
-
-// Measures the cost of each subsystem if the scene asks for an automatic cut, and cuts it by them.
-static pm_status cut_by_cost(pm_setup *setup, pm_arena *arena, int **cost) {
-    pm_scene *scene = setup->scene;
-    *cost = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof **cost);
-    double *zeros = pm_arena_array(arena, (size_t)scene->nz + 1, sizeof *zeros);
-    if (*cost == NULL || zeros == NULL) {
-        return pm_fail(PM_ENOMEM, "check: out of memory");
-    }
-    PM_TRY(pm_round_cost_measure(setup->system, setup->initial != NULL ? setup->initial : zeros,
-                                 &setup->boundary_input, *cost));
-    return pm_scene_cut_by_cost(scene, *cost);
-}
-
-// Writes the section `processes` with one list for each process.
-static pm_status write_processes(pm_setup *setup, const char *path) {
-    pm_arena arena = {0};
-    int *cost = NULL;
-    const bool automatic = setup->scene->nautomatic > 0;
-    const pm_status status = automatic ? cut_by_cost(setup, &arena, &cost) : PM_OK;
-    FILE *file = status == PM_OK ? fopen(path, "w") : NULL;
-    if (file != NULL && automatic) {
-        write_costs(file, setup, cost);
-    }
-    pm_arena_free(&arena);
-    if (file == NULL) {
-        return status != PM_OK ? status : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
-    }
-    write_lists(file, setup->scene);
-    const bool failed = ferror(file) != 0;
-    return fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: %s", path, strerror(errno)) : PM_OK;
+    print_skipped(setup);
+    print_processes(scene);
+    return print_channels(scene);
 }
 
 static pm_status execute(const pm_run_options *options) {
     pm_setup setup;
-    pm_status status;
-    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_DESCRIBE));
-    PM_TRY_DONE(options->processes == NULL ? PM_OK : write_processes(&setup, options->processes));
-    status = describe(&setup);
-done:
+    pm_status status = pm_prepare(&setup, options, PM_TO_DESCRIBE);
+    if (status == PM_OK) {
+        status = describe(&setup);
+    }
     pm_setup_free(&setup);
     return status;
 }
 
-static const pm_command command = {
+const pm_command pm_command_check = {
+    .name = "check",
+    .summary = "validate a scene and describe it",
     .arguments = "SCENE",
     .help =
         "Loads a scene file, its weights and its reference as a run would, and prints what they\n"
@@ -426,10 +461,6 @@ static const pm_command command = {
         "the LCM channels. A scene without an initial state is described too, though it cannot "
         "run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
-    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_PROCESSES,
+    .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,
 };
-
-pm_status pm_command_check(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    return pm_command_execute(&command, argc, argv, stop);
-}

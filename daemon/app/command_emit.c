@@ -5,6 +5,8 @@
 //             target that starts them
 //   procman   one file for the sheriff of libbot2's procman: a group of commands, one for each
 //             process, with the deputy on which it runs
+// Their texts are the files in app/emit (base/template.h). Lines that begin with %EACH% are
+// repeated for each process.
 #include <errno.h>
 #include <limits.h>
 #include <stdio.h>
@@ -13,18 +15,94 @@
 
 #include "app/command.h"
 #include "app/connect.h"
-#include "app/hosts.h"
 #include "base/options.h"
+#include "base/template.h"
+
+#define LETTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+#define DIGITS "0123456789"
+#define EACH "%EACH%"
+
+// The texts, which the build embeds as arrays of lines that end with NULL.
+extern const char *const pm_emit_environment[];
+extern const char *const pm_emit_target[];
+extern const char *const pm_emit_procman[];
 
 typedef struct emission {
     const pm_run_options *options;
     pm_scene *scene;
-    const char *path; // absolute, of the scene
-    pm_hosts hosts;
+    const char *path;    // absolute, of the scene
+    const char **host;   // [nprocess + 1] host of each process; the last is the coordinator's
+    int nhost;           // different hosts
+    const char **called; // [nhost]
     pm_arena arena;
 } emission;
 
-// --- what the processes get ---
+// --- what the command line asks for ---
+
+// Host names are also names of folders.
+static pm_status check_host(const char *name) {
+    const size_t length = strspn(name, LETTERS DIGITS "-._");
+    if (length == 0 || name[length] != '\0' || strchr("-._", name[0]) != NULL) {
+        return pm_fail(PM_EUSAGE,
+                       "--hosts: \"%s\" is not the name of a host: expected letters, digits, '-', "
+                       "'.' and '_', the first a letter or a digit",
+                       name);
+    }
+    return PM_OK;
+}
+
+// Reads names of hosts and assignments PROCESS=HOST, separated by commas. The hosts that are not
+// part of an assignment share the processes in the order of the scene, in equal numbers, and the
+// first of them has the coordinator, which assignments call "coordinator".
+static pm_status read_hosts(emission *e, const char *list) {
+    const pm_scene *scene = e->scene;
+    const int nprocess = scene->network.nprocess;
+    char *text = pm_arena_strdup(&e->arena, list == NULL ? "localhost" : list);
+    PM_TRY(pm_arena_status(&e->arena, "%d processes", nprocess));
+    const size_t most = strlen(text) + (size_t)nprocess + 2;
+    e->host = pm_arena_array(&e->arena, (size_t)nprocess + 1, sizeof *e->host);
+    e->called = pm_arena_array(&e->arena, most, sizeof *e->called);
+    PM_TRY(pm_arena_status(&e->arena, "%d processes", nprocess));
+    int count = 0; // hosts that share processes
+    for (char *entry = text, *next; entry != NULL; entry = next) {
+        next = strchr(entry, ',');
+        if (next != NULL) {
+            *next++ = '\0';
+        }
+        char *host = strchr(entry, '=');
+        if (host == NULL) {
+            PM_TRY(check_host(entry));
+            e->called[count++] = entry;
+            continue;
+        }
+        *host++ = '\0';
+        const int found = pm_scene_find_process(scene, entry);
+        if (found < 0 && strcmp(entry, "coordinator") != 0) {
+            return pm_fail(PM_EUSAGE, "--hosts: scene %s has no process called \"%s\"", scene->name,
+                           entry);
+        }
+        e->host[found < 0 ? nprocess : found] = host;
+        PM_TRY(check_host(host));
+    }
+    for (int i = 0; i <= nprocess; ++i) {
+        if (e->host[i] == NULL && count == 0) {
+            return pm_fail(PM_EUSAGE, "--hosts: %s has no host",
+                           i < nprocess ? scene->network.process[i].name : "the coordinator");
+        }
+        if (e->host[i] == NULL) {
+            e->host[i] = e->called[i < nprocess ? (int)((long long)i * count / nprocess) : 0];
+        }
+    }
+    for (int i = 0; i <= nprocess; ++i) { // each host that has a process is called once
+        int k = 0;
+        while (k < e->nhost && strcmp(e->called[k], e->host[i]) != 0) {
+            ++k;
+        }
+        e->called[k] = e->host[i];
+        e->nhost += k == e->nhost;
+    }
+    return PM_OK;
+}
 
 // systemd and procman divide text at blanks and replace variables.
 static pm_status check_text(const char *text) {
@@ -42,189 +120,130 @@ static pm_status check_path(const char *option, const char *path) {
                : pm_fail(PM_EUSAGE, "emit: %s %s: expected an absolute path", option, path);
 }
 
-// A message leaves its host only with a time to live, which is 0 unless the address sets it.
-static pm_status check_address(const emission *e) {
-    const char *url = e->options->url == NULL ? e->scene->url : e->options->url;
-    const char *ttl = strstr(url, "ttl=");
-    PM_TRY(pm_transport_check(url));
-    if (e->hosts.count > 1 && (ttl == NULL || atoi(ttl + 4) < 1)) {
-        return pm_fail(PM_EUSAGE,
-                       "emit: the address %s keeps messages on one host, and the scene runs on %d: "
-                       "expected --url with ttl=1",
-                       url, e->hosts.count);
-    }
-    return PM_OK;
+// --- texts ---
+
+// Returns "NAME VALUE " in the arena, or "" if the option was not given.
+static const char *option_text(emission *e, const char *name, const char *value) {
+    return value == NULL ? "" : pm_arena_printf(&e->arena, "%s %s ", name, value);
 }
 
-static void write_option(FILE *file, const char *name, const char *value) {
-    if (value != NULL) {
-        fprintf(file, "%s %s ", name, value);
-    }
+static const char *number_text(emission *e, const char *name, int64_t value) {
+    return value == 0 ? "" : pm_arena_printf(&e->arena, "%s %lld ", name, (long long)value);
 }
 
-// Writes the options of process i, each followed by a blank. The number of processes stands for the
-// coordinator.
-static void write_options(const emission *e, FILE *file, int i) {
+// Returns what follows KIND in the names of the unit and of the environment file of process i.
+static const char *instance_of(emission *e, int i) {
+    const pm_scene *scene = e->scene;
+    return i < scene->network.nprocess
+               ? pm_arena_printf(&e->arena, "%s-%s", scene->name, scene->network.process[i].name)
+               : scene->name;
+}
+
+// Writes `count` lines with the values of process i, or all lines up to NULL. The number of
+// processes stands for the coordinator.
+static void write_lines(emission *e, FILE *file, const char *const *line, int count, int i,
+                        const char *host) {
     const pm_run_options *o = e->options;
-    write_option(file, "--weights", o->weights);
-    write_option(file, "--url", o->url);
-    if (o->session != 0) {
-        fprintf(file, "--session %lld ", (long long)o->session);
+    const pm_scene *scene = e->scene;
+    const bool node = i < scene->network.nprocess;
+    const char *name = node ? scene->network.process[i].name : "coordinator";
+    const char *options =
+        pm_arena_printf(&e->arena, "%s%s%s%s%s", option_text(e, "--weights", o->weights),
+                        option_text(e, "--url", o->url), number_text(e, "--session", o->session),
+                        node ? "" : number_text(e, "--steps", o->steps),
+                        node ? "" : option_text(e, "--record", o->record));
+    const bool checkpoints = !pm_physics_is_adaptive(&scene->physics) && scene->network.nlive == 0;
+    const pm_template_value value[] = {
+        {EACH, .text = ""},
+        {"%SCENE%", .text = scene->name},
+        {"%PATH%", .text = e->path},
+        {"%HOST%", .text = host},
+        {"%KIND%", .text = node ? "node" : "coordinator"},
+        {"%NAME%", .text = name},
+        {"%PROCESS%", .text = node ? name : NULL},
+        {"%ARGUMENT%", .text = node ? pm_arena_printf(&e->arena, " %s", name) : ""},
+        {"%OPTIONS%", .text = options},
+        {"%INSTANCE%", .text = instance_of(e, i)},
+        {"%NO_CHECKPOINT%", .text = checkpoints ? NULL : ""},
+    };
+    if (!e->arena.failed) {
+        pm_template_write(file, line, count, (int)(sizeof value / sizeof value[0]), value);
     }
-    if (i == e->scene->nprocess) {
-        if (o->steps != 0) {
-            fprintf(file, "--steps %lld ", (long long)o->steps);
+}
+
+// Writes a text to the file `path`; NULL: to standard output. The text is about process i alone, or
+// if i is -1, about the processes of `host`; NULL: of all hosts.
+static pm_status write_text(emission *e, const char *path, const char *const *line, int i,
+                            const char *host) {
+    const int nprocess = e->scene->network.nprocess;
+    PM_TRY(pm_arena_status(&e->arena, "the texts of scene %s", e->scene->name));
+    FILE *file = path == NULL ? stdout : fopen(path, "w");
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
+    }
+    if (i >= 0) {
+        write_lines(e, file, line, INT_MAX, i, host);
+    }
+    for (int n; i < 0 && *line != NULL; line += n) {
+        n = 0;
+        while (line[n] != NULL && strncmp(line[n], EACH, strlen(EACH)) == 0) {
+            ++n;
         }
-        write_option(file, "--record", o->record);
+        for (int k = 0; n > 0 && k <= nprocess; ++k) {
+            if (host == NULL || strcmp(e->host[k], host) == 0) {
+                write_lines(e, file, line, n, k, e->host[k]);
+            }
+        }
+        if (n == 0) {
+            n = 1;
+            write_lines(e, file, line, n, nprocess, host);
+        }
     }
-}
-
-// --- files ---
-
-static pm_status open_file(FILE **file, const char *path) {
-    *file = path == NULL ? NULL : fopen(path, "w");
-    return *file != NULL ? PM_OK
-                         : pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-}
-
-static pm_status close_file(FILE *file, const char *path) {
     const bool bad = ferror(file) != 0;
-    return (file == stdout ? fflush(file) : fclose(file)) == 0 && !bad
-               ? PM_OK
-               : pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-}
-
-// --- systemd ---
-
-// Returns the unit of process i.
-static const char *unit_of(emission *e, int i) {
-    const pm_scene *scene = e->scene;
-    return i < scene->nprocess
-               ? pm_arena_printf(&e->arena, "node@%s-%s", scene->name, scene->process[i].name)
-               : pm_arena_printf(&e->arena, "coordinator@%s", scene->name);
-}
-
-// The unit KIND@INSTANCE reads the file KIND-INSTANCE.env.
-static pm_status write_environment(emission *e, const char *folder, const char *unit, int i) {
-    const pm_scene *scene = e->scene;
-    const char *instance = strchr(unit, '@') + 1;
-    const char *path = pm_arena_printf(&e->arena, "%s/%.*s-%s.env", folder,
-                                       (int)(instance - 1 - unit), unit, instance);
-    FILE *file;
-    PM_TRY(open_file(&file, path));
-    fprintf(file, "PORTMET_SCENE=%s\n", e->path);
-    if (i < scene->nprocess) {
-        fprintf(file, "PORTMET_PROCESS=%s\n", scene->process[i].name);
+    if ((path == NULL ? fflush(file) : fclose(file)) != 0 || bad) {
+        return pm_fail(PM_EFILE, "%s: cannot be written: %s",
+                       path == NULL ? "standard output" : path, strerror(errno));
     }
-    fprintf(file, "PORTMET_OPTIONS=");
-    write_options(e, file, i);
-    fprintf(file, "\n");
-    if (scene->tolerance > 0 || scene->nlive > 0) {
-        fprintf(file, "# This scene cannot have checkpoints.\nPORTMET_CHECKPOINT=\n");
-    }
-    return close_file(file, path);
-}
-
-static pm_status write_host(emission *e, const char *host) {
-    const pm_scene *scene = e->scene;
-    const char *root = e->options->output;
-    const char *settings = pm_arena_printf(&e->arena, "%s/%s/etc/portmet", root, host);
-    const char *units = pm_arena_printf(&e->arena, "%s/%s/etc/systemd/system", root, host);
-    const char *target = pm_arena_printf(&e->arena, "%s/%s/etc/systemd/system/portmet-%s.target",
-                                         root, host, scene->name);
-    FILE *file;
-    if (settings == NULL || units == NULL || target == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the units of %s", host);
-    }
-    PM_TRY(pm_options_folder(settings));
-    PM_TRY(pm_options_folder(units));
-    PM_TRY(open_file(&file, target));
-    fprintf(file, "# Starts the processes of the scene %s that run on %s.\n[Unit]\n", scene->name,
-            host);
-    fprintf(file, "Description=portmet: the scene %s on this host\nDocumentation=man:portmetd(1)\n",
-            scene->name);
-    pm_status status = PM_OK;
-    for (int i = 0; i <= scene->nprocess && status == PM_OK; ++i) {
-        const char *unit = unit_of(e, i);
-        if (unit == NULL) {
-            status = pm_fail(PM_ENOMEM, "out of memory for the units of %s", host);
-        } else if (strcmp(e->hosts.of[i], host) == 0) {
-            fprintf(file, "Wants=portmet-%s.service\n", unit);
-            status = write_environment(e, settings, unit, i);
-        }
-    }
-    fprintf(file, "\n[Install]\nWantedBy=multi-user.target\n");
-    const pm_status closed = close_file(file, target);
-    return status == PM_OK ? closed : status;
+    return pm_arena_status(&e->arena, "the texts of scene %s", e->scene->name);
 }
 
 static pm_status emit_systemd(emission *e) {
-    if (e->options->output == NULL) {
+    const char *root = e->options->output, *scene = e->scene->name;
+    if (root == NULL) {
         return pm_fail(PM_EUSAGE, "emit systemd: expected -o DIR");
     }
-    for (int i = 0; i < e->hosts.count; ++i) {
-        PM_TRY(write_host(e, e->hosts.name[i]));
+    for (int k = 0; k < e->nhost; ++k) {
+        const char *host = e->called[k];
+        const char *settings = pm_arena_printf(&e->arena, "%s/%s/etc/portmet", root, host);
+        const char *units = pm_arena_printf(&e->arena, "%s/%s/etc/systemd/system", root, host);
+        const char *target = pm_arena_printf(&e->arena, "%s/portmet-%s.target", units, scene);
+        PM_TRY(pm_arena_status(&e->arena, "the units of %s", host));
+        PM_TRY(pm_options_folder(settings));
+        PM_TRY(pm_options_folder(units));
+        PM_TRY(write_text(e, target, pm_emit_target, -1, host));
+        for (int i = 0; i <= e->scene->network.nprocess; ++i) {
+            if (strcmp(e->host[i], host) == 0) {
+                // The unit KIND@INSTANCE reads the file KIND-INSTANCE.env.
+                const bool node = i < e->scene->network.nprocess;
+                const char *path =
+                    pm_arena_printf(&e->arena, "%s/%s-%s.env", settings,
+                                    node ? "node" : "coordinator", instance_of(e, i));
+                PM_TRY(write_text(e, path, pm_emit_environment, i, host));
+            }
+        }
         printf("wrote %s/%s/etc; on the host %s: copy it to /etc, systemctl daemon-reload, "
                "systemctl start portmet-%s.target\n",
-               e->options->output, e->hosts.name[i], e->hosts.name[i], e->scene->name);
+               root, host, host, scene);
     }
     return PM_OK;
-}
-
-// --- procman ---
-
-static void write_command(const emission *e, FILE *file, int i) {
-    const pm_scene *scene = e->scene;
-    const bool node = i < scene->nprocess;
-    const char *name = node ? scene->process[i].name : "coordinator";
-    fprintf(file, "    cmd \"%s\" {\n        exec = \"portmetd %s ", name,
-            node ? "node" : "coordinator");
-    write_options(e, file, i);
-    fprintf(file, "%s%s%s\";\n        host = \"%s\";\n    }\n", e->path, node ? " " : "",
-            node ? name : "", e->hosts.of[i]);
-}
-
-static pm_status emit_procman(emission *e) {
-    const char *path = e->options->output == NULL ? "standard output" : e->options->output;
-    FILE *file = stdout;
-    PM_TRY(e->options->output == NULL ? PM_OK : open_file(&file, path));
-    fprintf(file, "# The processes of the scene %s, for bot-procman-sheriff.\n", e->scene->name);
-    fprintf(file, "group \"%s\" {\n", e->scene->name);
-    for (int i = 0; i <= e->scene->nprocess; ++i) {
-        write_command(e, file, i);
-    }
-    fprintf(file, "}\n\nscript \"start %s\" {\n    start group \"%s\";\n}\n", e->scene->name,
-            e->scene->name);
-    return close_file(file, path);
 }
 
 // --- the command ---
 
-static const struct {
-    const char *name;
-    pm_status (*emit)(emission *e);
-} kinds[] = {{"systemd", emit_systemd}, {"procman", emit_procman}};
-
-static pm_status emit(emission *e, const char *kind) {
-    const pm_run_options *o = e->options;
-    for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; ++i) {
-        if (strcmp(kinds[i].name, kind) == 0) {
-            PM_TRY(pm_connect_check(e->scene));
-            PM_TRY(pm_hosts_read(&e->hosts, e->scene, o->hosts, &e->arena));
-            PM_TRY(check_address(e));
-            PM_TRY(check_text(e->path));
-            PM_TRY(check_text(o->url));
-            PM_TRY(check_path("--weights", o->weights));
-            PM_TRY(check_path("--record", o->record));
-            return kinds[i].emit(e);
-        }
-    }
-    return pm_fail(PM_EUSAGE, "emit: expected systemd or procman, found \"%s\"", kind);
-}
-
 // Writes what the command line asks for: the first positional argument is the kind of file, the
 // second one the scene.
 static pm_status execute(const pm_run_options *options) {
+    const bool systemd = strcmp(options->scene, "systemd") == 0;
     emission e = {.options = options};
     char path[PATH_MAX];
     pm_status status;
@@ -232,14 +251,40 @@ static pm_status execute(const pm_run_options *options) {
     e.path = realpath(options->name, path);
     PM_TRY_DONE(e.path == NULL ? pm_fail(PM_EFILE, "%s: %s", options->name, strerror(errno))
                                : PM_OK);
-    PM_TRY_DONE(emit(&e, options->scene));
+    if (!systemd && strcmp(options->scene, "procman") != 0) {
+        status =
+            pm_fail(PM_EUSAGE, "emit: expected systemd or procman, found \"%s\"", options->scene);
+        goto done;
+    }
+    PM_TRY_DONE(pm_connect_check(e.scene));
+    PM_TRY_DONE(read_hosts(&e, options->hosts));
+    const char *url = pm_connect_url(e.scene, options->url);
+    const char *ttl = strstr(url, "ttl=");
+    PM_TRY_DONE(pm_transport_check(url));
+    // A message leaves its host only with a time to live, which is 0 unless the address sets it.
+    if (e.nhost > 1 && (ttl == NULL || atoi(ttl + 4) < 1)) {
+        status =
+            pm_fail(PM_EUSAGE,
+                    "emit: the address %s keeps messages on one host, and the scene runs on %d: "
+                    "expected --url with ttl=1",
+                    url, e.nhost);
+        goto done;
+    }
+    PM_TRY_DONE(check_text(e.path));
+    PM_TRY_DONE(check_text(options->url));
+    PM_TRY_DONE(check_path("--weights", options->weights));
+    PM_TRY_DONE(check_path("--record", options->record));
+    status =
+        systemd ? emit_systemd(&e) : write_text(&e, options->output, pm_emit_procman, -1, NULL);
 done:
     pm_arena_free(&e.arena);
     pm_scene_free(e.scene);
     return status;
 }
 
-static const pm_command command = {
+const pm_command pm_command_emit = {
+    .name = "emit",
+    .summary = "write files with which systemd or procman starts a scene",
     .arguments = "systemd|procman SCENE",
     .help =
         "Writes the files with which systemd or procman starts the processes of the scene on\n"
@@ -255,7 +300,3 @@ static const pm_command command = {
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,
 };
-
-pm_status pm_command_emit(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    return pm_command_execute(&command, argc, argv, stop);
-}

@@ -7,45 +7,38 @@
 #include "export/fmu.h"
 #include "export/source.h"
 
-static pm_status export_c(const pm_setup *setup, const pm_run_options *options) {
-    const char *folder = options->c_folder, *name = setup->scene->name;
-    PM_TRY(pm_export_c(setup, folder));
-    if (!options->quiet) {
-        printf("wrote %s/%s.h and %s/%s.c\n", folder, name, folder, name);
-    }
-    return PM_OK;
-}
-
-static pm_status export_fmu(const pm_setup *setup, const pm_run_options *options) {
-    bool compiled = false;
-    PM_TRY(pm_export_fmu(setup, options->output, &compiled));
-    if (!options->quiet) {
-        printf("wrote %s, %s\n", options->output,
-               compiled ? "with sources and a binary for this machine"
-                        : "with sources alone: there is no C compiler");
-    }
-    return PM_OK;
-}
-
 static pm_status execute(const pm_run_options *options) {
+    const char *folder = options->c_folder, *output = options->output;
     pm_setup setup = {0};
     pm_status status;
-    if (options->c_folder == NULL && options->output == NULL) {
+    if (folder == NULL && output == NULL) {
         return pm_fail(PM_EUSAGE, "export: expected --c DIR, -o FILE.fmu, or both");
     }
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_SERVE));
-    if (options->c_folder != NULL) {
-        PM_TRY_DONE(export_c(&setup, options));
+    if (folder != NULL) {
+        const char *name = setup.scene->name;
+        PM_TRY_DONE(pm_export_c(&setup, folder));
+        if (!options->quiet) {
+            printf("wrote %s/%s.h and %s/%s.c\n", folder, name, folder, name);
+        }
     }
-    if (options->output != NULL) {
-        PM_TRY_DONE(export_fmu(&setup, options));
+    if (output != NULL) {
+        bool compiled = false;
+        PM_TRY_DONE(pm_export_fmu(&setup, output, &compiled));
+        if (!options->quiet) {
+            printf("wrote %s, %s\n", output,
+                   compiled ? "with sources and a binary for this machine"
+                            : "with sources alone: there is no C compiler");
+        }
     }
 done:
     pm_setup_free(&setup);
     return status;
 }
 
-static const pm_command command = {
+const pm_command pm_command_export = {
+    .name = "export",
+    .summary = "write a scene as C source or as an FMU",
     .arguments = "SCENE",
     .help =
         "Writes the scene for programs that know nothing of portmet: with --c as a header and a\n"
@@ -57,7 +50,3 @@ static const pm_command command = {
     .accepts = PM_OPTION_C | PM_OPTION_OUTPUT | PM_OPTION_WEIGHTS | PM_OPTION_QUIET,
     .execute = execute,
 };
-
-pm_status pm_command_export(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    return pm_command_execute(&command, argc, argv, stop);
-}

@@ -9,12 +9,12 @@
 #include "app/launch.h"
 #include "app/observer.h"
 #include "app/prepare.h"
-#include "app/ranks.h"
 #include "app/serve.h"
 #include "app/supervise.h"
 #include "library/local_run.h"
+#include "lockstep/coordinator.h"
 #include "lockstep/gate.h"
-#include "lockstep/lockstep.h"
+#include "lockstep/node.h"
 
 #define MOST_STARTING 16     // nodes that start at the same time
 #define LAUNCH_INTERVAL 0.25 // s after which one more starts, whatever the others do
@@ -39,32 +39,17 @@ static pm_status serve_node(void *context, const char *name) {
     return pm_serve_node(l->setup, &l->options, pm_scene_find_process(l->setup->scene, name));
 }
 
-// Launches nodes as long as few of those before have yet to say hello: they share the cores, and
-// each has to start within its patience.
-static pm_status launch_some(launcher *l, int present) {
-    const pm_scene *scene = l->setup->scene;
-    while (l->next < scene->nprocess &&
-           (l->next - present < MOST_STARTING || pm_clock() > l->at + LAUNCH_INTERVAL)) {
-        PM_TRY(pm_launch_start(l->launch, scene->process[l->next].name,
-                               (pm_launch_program){serve_node, l}, NULL));
-        l->next += 1;
-        l->at = pm_clock();
-    }
-    return PM_OK;
-}
-
 // Runs the coordinator's loop, and watches the children and the stop flag until the first failure.
-static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
-                         const volatile sig_atomic_t *stop) {
-    pm_launch *launch = nodes->launch;
+static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes) {
+    const pm_scene *scene = nodes->setup->scene;
     pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
     bool failed = false;
     double now = pm_clock(), looked = 0;
     while (!pm_lockstep_coordinator_finished(coordinator)) {
         if (!failed && now - looked > WATCH_INTERVAL) {
             looked = now;
-            pm_status status = pm_launch_watch(launch);
-            if (*stop) {
+            pm_status status = pm_launch_watch(nodes->launch);
+            if (*nodes->options.stop) {
                 status = pm_fail(PM_EINTERRUPTED, "interrupted");
             }
             if (status != PM_OK) {
@@ -72,8 +57,15 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
                 failed = true;
             }
         }
-        if (!failed && nodes->next < nodes->setup->scene->nprocess) {
-            PM_TRY(launch_some(nodes, pm_lockstep_coordinator_present(coordinator)));
+        // Nodes share the cores, and each has to start within its patience. So another one starts
+        // as long as few of those before have yet to say hello.
+        while (!failed && nodes->next < scene->network.nprocess &&
+               (nodes->next - pm_lockstep_coordinator_present(coordinator) < MOST_STARTING ||
+                pm_clock() > nodes->at + LAUNCH_INTERVAL)) {
+            PM_TRY(pm_launch_start(nodes->launch, scene->network.process[nodes->next].name,
+                                   (pm_launch_program){serve_node, nodes}, NULL));
+            nodes->next += 1;
+            nodes->at = pm_clock();
         }
         const double next = pm_lockstep_coordinator_poll(coordinator, now);
         const double wait = next - now < WATCH_INTERVAL ? next - now : WATCH_INTERVAL;
@@ -83,31 +75,29 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
     return pm_lockstep_coordinator_result(coordinator);
 }
 
-static pm_status run_processes(pm_setup *setup, const pm_run_options *options,
-                               pm_observer *observer) {
+static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
+    const pm_run_options *options = observer->options;
+    const char *url = pm_connect_url(setup->scene, options->url);
     pm_transport *transport = NULL;
     pm_lockstep_coordinator *coordinator = NULL;
-    pm_launch *launch = NULL;
-    pm_lockstep_coordinator_options coordinator_options = pm_observer_attach(observer, setup);
-    coordinator_options.session = pm_lockstep_session();
+    pm_lockstep_coordinator_options own = pm_observer_attach(observer, setup);
+    launcher nodes = {.setup = setup, .options = *options};
     pm_status status;
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, "coordinator", &options->log));
-    PM_TRY_DONE(
-        pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &coordinator_options));
-    PM_TRY_DONE(pm_launch_open(&launch, setup->scene->nprocess, &options->log));
-    launcher nodes = {.launch = launch, .setup = setup, .options = *options};
-    nodes.options.session = coordinator_options.session;
+    own.session = nodes.options.session = pm_lockstep_session();
     nodes.options.log.json = false; // this process passes their lines on
-    status = conduct(coordinator, &nodes, options->stop);
+    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
+    PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
+    PM_TRY_DONE(pm_launch_open(&nodes.launch, setup->scene->network.nprocess, &options->log));
+    status = conduct(coordinator, &nodes);
     if (status == PM_OK) {
-        status = pm_launch_wait(launch, END_GRACE);
+        status = pm_launch_wait(nodes.launch, END_GRACE);
     }
     status =
         pm_observer_finish(observer, status, pm_lockstep_coordinator_ledger(coordinator),
                            pm_lockstep_coordinator_pace(coordinator), "a process each, over LCM");
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator), &options->log);
 done:
-    pm_launch_close(launch);
+    pm_launch_close(nodes.launch);
     pm_lockstep_coordinator_close(coordinator);
     pm_transport_close(transport);
     return status;
@@ -119,39 +109,32 @@ static bool is_interrupted(const pm_observer *observer) {
     return observer->options->stop != NULL && *observer->options->stop != 0;
 }
 
-// Waits until the gate lets the run go beyond `step`. PM_EINTERRUPTED, PM_EFILE.
-static pm_status pass_gate(pm_gate *gate, const pm_lockstep_observer *tell, long step) {
-    const pm_observer *observer = tell->context;
-    const struct timespec pause = {0, (long)(1e9 * GATE_INTERVAL)};
-    for (bool told = false; gate->steps <= step && !is_interrupted(observer);) {
-        if (!told) {
-            tell->hold(tell->context, step);
-            told = true;
-        }
-        nanosleep(&pause, NULL);
-        PM_TRY(pm_gate_refresh(gate, pm_clock()));
-    }
-    return is_interrupted(observer) ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+static void pause_for(double seconds) {
+    nanosleep(&(struct timespec){.tv_nsec = (long)(1e9 * seconds)}, NULL);
 }
 
-// Waits until the step with this number is due. PM_EINTERRUPTED.
-static pm_status keep_pace(const pm_pace *pace, const pm_observer *observer, long step) {
-    const double due = pm_pace_due(pace, step);
-    for (double now = pm_clock(); now < due && !is_interrupted(observer); now = pm_clock()) {
-        const double wait = due - now < WATCH_INTERVAL ? due - now : WATCH_INTERVAL;
-        const struct timespec pause = {0, (long)(1e9 * wait)};
-        nanosleep(&pause, NULL);
-    }
-    return is_interrupted(observer) ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
-}
-
+// Takes all steps, as the gate and the pace allow. PM_EINTERRUPTED, PM_EFILE.
 static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate, pm_pace *pace,
                                  const pm_lockstep_observer *tell) {
+    const pm_observer *observer = tell->context;
     PM_TRY(tell->step(tell->context, &run->sample));
     pm_pace_begin(pace, pm_clock());
-    while (run->sample.step < run->setup->scene->steps) {
-        PM_TRY(pass_gate(gate, tell, run->sample.step));
-        PM_TRY(keep_pace(pace, tell->context, run->sample.step));
+    while (run->sample.step < run->setup->scene->run.steps) {
+        for (bool told = false; gate->steps <= run->sample.step && !is_interrupted(observer);) {
+            if (!told) {
+                tell->hold(tell->context, run->sample.step);
+                told = true;
+            }
+            pause_for(GATE_INTERVAL);
+            PM_TRY(pm_gate_refresh(gate, pm_clock()));
+        }
+        const double due = pm_pace_due(pace, run->sample.step);
+        for (double now = pm_clock(); now < due && !is_interrupted(observer); now = pm_clock()) {
+            pause_for(due - now < WATCH_INTERVAL ? due - now : WATCH_INTERVAL);
+        }
+        if (is_interrupted(observer)) {
+            return pm_fail(PM_EINTERRUPTED, "interrupted");
+        }
         PM_TRY(pm_local_run_step(run));
         pm_pace_note(pace, run->sample.step, pm_clock());
         PM_TRY(tell->step(tell->context, &run->sample));
@@ -161,54 +144,90 @@ static pm_status step_to_the_end(pm_local_run *run, pm_gate *gate, pm_pace *pace
 
 static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
     const pm_lockstep_coordinator_options as = pm_observer_attach(observer, setup);
-    const pm_lockstep_observer tell = as.observer;
     pm_local_run run = {0};
     pm_gate gate;
     pm_pace pace = pm_pace_of(setup->scene);
     pm_status status;
-    if (setup->scene->nlive > 0 && setup->replay == NULL) {
+    if (setup->scene->network.nlive > 0 && setup->replay == NULL) {
         return pm_fail(PM_EUSAGE, "run: live inputs arrive over LCM: --in-process needs --replay");
     }
     PM_TRY_DONE(pm_gate_init(&gate, observer->options->gate));
     PM_TRY_DONE(
         pm_local_run_open(&run, setup, pm_scene_may_report_sums(setup->scene) && !as.want_state));
-    status = step_to_the_end(&run, &gate, &pace, &tell);
+    status = step_to_the_end(&run, &gate, &pace, &as.observer);
     status = pm_observer_finish(observer, status, &run.ledger, &pace, "in one process");
 done:
     pm_local_run_close(&run);
     return status;
 }
 
-static pm_status run_here(pm_setup *setup, const pm_run_options *options) {
-    pm_observer observer = {0};
-    pm_status status;
-    PM_TRY_DONE(pm_observer_open(&observer, setup, options));
-    status = options->in_process ? run_together(setup, &observer)
-                                 : run_processes(setup, options, &observer);
-done:
-    pm_observer_close(&observer);
-    return status;
+// --- as one rank of a job of mpirun ---
+
+// Rank 0 coordinates, and rank i + 1 serves process i of the scene. Rank 0 alone describes the
+// result.
+static pm_status run_rank(pm_setup *setup, const pm_run_options *options, const char *url) {
+    const pm_scene *scene = setup->scene;
+    const int expected = scene->network.nprocess + 1;
+    pm_status status = PM_OK;
+    int rank, count;
+    PM_TRY(pm_transport_place(url, &rank, &count));
+    if (count != expected) {
+        status = pm_fail(PM_EUSAGE,
+                         "scene %s has %d processes: expected %d ranks (mpirun -n %d), one for "
+                         "each process and one that coordinates them, found %d",
+                         scene->name, scene->network.nprocess, expected, expected, count);
+    } else if (options->checkpoint != NULL) {
+        status = pm_fail(PM_EUSAGE, "run: --checkpoint is for processes that may die one by one, "
+                                    "and mpirun ends all ranks when one dies");
+    } else if (scene->network.nlive > 0 && setup->replay == NULL) {
+        status = pm_fail(PM_EUSAGE, "run: live inputs arrive over LCM: %s needs --replay", url);
+    }
+    if (status != PM_OK) {
+        // Every rank opens and closes the transport, so that the job ends in order.
+        pm_transport *transport;
+        char reason[512];
+        snprintf(reason, sizeof reason, "%s", rank == 0 ? pm_error() : "");
+        PM_TRY(pm_transport_open(&transport, url));
+        pm_transport_close(transport);
+        return pm_fail(status, "%s", reason);
+    }
+    if (rank == 0) {
+        return pm_serve_coordinator(setup, options);
+    }
+    pm_run_options own = *options;
+    own.log.part = scene->network.process[rank - 1].name;
+    own.coordinator_speaks = true;
+    return pm_serve_node(setup, &own, rank - 1);
 }
 
 static pm_status execute(const pm_run_options *options) {
-    pm_setup setup;
+    pm_setup setup = {0};
+    pm_observer observer = {0};
+    pm_status status;
     if (options->in_process && options->checkpoint != NULL) {
         return pm_fail(PM_EUSAGE, "run: --checkpoint is for processes that may die one by one, "
                                   "not for --in-process");
     }
-    pm_status status = pm_prepare(&setup, options, PM_TO_COORDINATE);
-    if (status != PM_OK) {
-    } else if (!options->in_process && pm_transport_has_ranks(setup.scene->url)) {
-        status = pm_ranks_run(&setup, options);
+    PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_COORDINATE));
+    const char *url = pm_connect_url(setup.scene, options->url);
+    if (!options->in_process && pm_transport_has_ranks(url)) {
+        status = run_rank(&setup, options, url);
+    } else if (options->checkpoint != NULL) {
+        status = pm_supervise(&setup, options);
     } else {
-        status =
-            options->checkpoint == NULL ? run_here(&setup, options) : pm_supervise(&setup, options);
+        PM_TRY_DONE(pm_observer_open(&observer, &setup, options));
+        status = options->in_process ? run_together(&setup, &observer)
+                                     : run_processes(&setup, &observer);
     }
+done:
+    pm_observer_close(&observer);
     pm_setup_free(&setup);
     return status;
 }
 
-static const pm_command command = {
+const pm_command pm_command_run = {
+    .name = "run",
+    .summary = "run a scene: its processes, and a coordinator",
     .arguments = "SCENE",
     .help =
         "Launches `portmetd node` once per process, by default one for each subsystem,\n"
@@ -224,7 +243,3 @@ static const pm_command command = {
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
     .execute = execute,
 };
-
-pm_status pm_command_run(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    return pm_command_execute(&command, argc, argv, stop);
-}

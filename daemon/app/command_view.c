@@ -1,32 +1,103 @@
 // portmetd view: shows a run, or a recording, as a page in a browser, and sends its values as JSON
-// over UDP.
+// over UDP. A sample of the run becomes a frame, which is a row of numbers; some hundred frames
+// are kept, and each client receives those that it does not have.
 #include <arpa/inet.h>
+#include <errno.h>
+#include <inttypes.h>
 #include <math.h>
+#include <netinet/in.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "app/command.h"
 #include "app/connect.h"
-#include "app/view_datagram.h"
-#include "app/view_history.h"
-#include "app/view_recording.h"
 #include "app/view_server.h"
-#include "app/view_text.h"
+#include "base/journal.h"
+#include "lockstep/health.h"
 #include "lockstep/listener.h"
+#include "scene/recording.h"
+#include "store/hdf5_io.h"
 
-#define INTERVAL 0.05 // s between two looks at what has arrived
+#define INTERVAL 0.05          // s between two looks at what has arrived
+#define MOST_SHOWN 200         // subsystems, or processes, that are shown one by one
+#define GROUPS 64              // groups of a larger scene
+#define MOST_ROWS 50           // processes of a larger scene
+#define MOST_FRAMES 512        // frames that are kept; large frames are fewer
+#define LEAST_FRAMES 16        // frames that are kept, however large they are
+#define MOST_NUMBERS (4 << 20) // of all frames together: 32 MiB
+#define DATAGRAM_SIZE 1400     // bytes, at which a text of values ends, so that it fits a packet
+#define NAME_SIZE 256          // bytes of the name of a node, a value or a series
+#define TEXT_SIZE 8192         // bytes of a name or path in JSON, at most
+#define DEFAULT_PORT 8080      // of the page
+#define DEFAULT_ADDRESS "127.0.0.1"
+
+// The numbers of a frame: first the TOTALS below; then the energy (J), the entropy (J/K) and the
+// entropy production within (W/K) of each part; then the energy flux (W) into end 0 and end 1 and
+// the entropy flux (W/K) into end 0 and end 1 of each edge.
+enum {
+    SESSION_HIGH, // the upper and the lower 32 bits of the session's number, since a double
+    SESSION_LOW,  // cannot hold it as a whole
+    STEP,
+    TIME,             // s
+    ENERGY,           // J, of the ledger, as the four after it
+    ENTROPY,          // J/K
+    ENERGY_RESIDUAL,  // 1
+    ENTROPY_RESIDUAL, // 1
+    VIOLATIONS,       // steps
+    TOTALS
+};
+enum { PER_PART = 3, PER_EDGE = 4 };
+
+// A subsystem, a group of them, or a boundary input.
+typedef struct view_node {
+    const char *name; // of the subsystem, or of the first one of the group
+    int count;        // number of subsystems; 0: a boundary input
+} view_node;
+
+typedef struct view_edge {
+    const char *name; // of the port, or of the first one
+    int end[2];       // nodes
+    int count;        // number of ports
+} view_edge;
+
+// The scene as a graph. A scene with more than MOST_SHOWN subsystems is summarised: consecutive
+// subsystems form a group, whose energies and entropies are sums, and the ports between two groups
+// form one edge, whose fluxes are sums. Ports within a group are not shown.
+typedef struct view_graph {
+    int npart; // nodes that are subsystems or groups; they come before the boundary inputs
+    int nnode, nedge;
+    view_node *node; // [nnode]
+    view_edge *edge; // [nedge]
+    int *node_of;    // [nsubsystem]; -1: the subsystem is not shown
+    int *edge_of;    // [nport]; -1: the port is within a group, or not shown
+    int *first_end;  // [nport] the end of the port at end 0 of its edge
+} view_graph;
+
+// The frames that are kept: they are spread over the whole run. Whenever the memory is full, every
+// second one is forgotten and from then on half as many are kept. The newest frame is kept apart.
+typedef struct view_history {
+    int width;       // numbers in a frame
+    int capacity;    // frames, an even number
+    int count;       // frames kept
+    int64_t stride;  // one of so many frames is kept
+    int64_t newest;  // number of the newest frame; the first one has the number 1; 0: none
+    int64_t *number; // [capacity] numbers of the frames, ascending
+    double *frame;   // [capacity][width]
+} view_history;
 
 typedef struct view {
     const pm_run_options *options;
     pm_arena arena;
     pm_scene *scene;
-    pm_view_graph graph;
-    pm_view_history history;
-    double *frame; // [history.width] the frame that is being made
+    view_graph graph;
+    view_history history;
+    double *frame; // [history.width] the newest frame
     pm_transport *transport;
-    pm_listener *listener;
+    pm_listener *listener; // NULL: a recording is shown
     pm_view_server *server;
     int datagrams;         // file descriptor; -1: none are sent
     int64_t session, step; // of the newest frame
@@ -35,129 +106,640 @@ typedef struct view {
     bool health_over;      // whether it says that the run is over
 } view;
 
-// --- what a client receives ---
+// --- the graph ---
 
+// Makes the edges. If they are `summed`, two nodes have one edge at most.
+static void add_edges(view_graph *g, const pm_scene *scene, bool summed) {
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        const pm_scene_port *port = &scene->physics.port[i];
+        int end[2];
+        for (int k = 0; k < 2; ++k) {
+            end[k] = port->subsystem[k] >= 0 ? g->node_of[port->subsystem[k]]
+                                             : g->npart + port->boundary_input[k];
+        }
+        g->edge_of[i] = -1;
+        if (end[0] == end[1] || end[0] < 0 || end[1] < 0) {
+            continue;
+        }
+        g->first_end[i] = end[0] < end[1] ? 0 : 1;
+        const int a = end[g->first_end[i]], b = end[1 - g->first_end[i]];
+        int k = summed ? 0 : g->nedge;
+        while (k < g->nedge && (g->edge[k].end[0] != a || g->edge[k].end[1] != b)) {
+            ++k;
+        }
+        if (k == g->nedge) {
+            g->edge[g->nedge++] = (view_edge){.name = port->name, .end = {a, b}};
+        }
+        g->edge[k].count += 1;
+        g->edge_of[i] = k;
+    }
+}
+
+static pm_status make_graph(view *v) {
+    const pm_scene *scene = v->scene;
+    view_graph *g = &v->graph;
+    view_history *h = &v->history;
+    // A recording may have some subsystems alone.
+    const bool *shown = v->options->recording == NULL ? NULL : scene->run.recorded;
+    int nshown = 0;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        nshown += shown == NULL || shown[i];
+    }
+    const bool summed = nshown > MOST_SHOWN;
+    const size_t nport = (size_t)scene->physics.nport + 1;
+    g->npart = summed ? GROUPS : nshown;
+    g->nnode = g->npart + scene->physics.nboundary_input;
+    g->node = pm_arena_array(&v->arena, (size_t)g->nnode, sizeof *g->node);
+    g->node_of = pm_arena_array(&v->arena, (size_t)scene->physics.nsubsystem, sizeof *g->node_of);
+    g->edge = pm_arena_array(&v->arena, nport, sizeof *g->edge);
+    g->edge_of = pm_arena_array(&v->arena, nport, sizeof *g->edge_of);
+    g->first_end = pm_arena_array(&v->arena, nport, sizeof *g->first_end);
+    PM_TRY(pm_arena_status(&v->arena, "a view of %s", scene->name));
+    // The nodes.
+    for (int i = 0, k = 0; i < scene->physics.nsubsystem; ++i) {
+        g->node_of[i] = -1;
+        if (shown == NULL || shown[i]) {
+            g->node_of[i] = (int)((long)k++ * g->npart / nshown);
+            view_node *node = &g->node[g->node_of[i]];
+            if (node->count++ == 0) {
+                node->name = scene->physics.subsystem[i].name;
+            }
+        }
+    }
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        g->node[g->npart + i].name = scene->physics.boundary_input[i].name;
+    }
+    add_edges(g, scene, summed);
+    h->width = TOTALS + PER_PART * g->npart + PER_EDGE * g->nedge;
+    const int room = MOST_NUMBERS / h->width / 2 * 2;
+    h->capacity = room < LEAST_FRAMES ? LEAST_FRAMES : room > MOST_FRAMES ? MOST_FRAMES : room;
+    h->stride = 1;
+    const size_t capacity = (size_t)h->capacity, width = (size_t)h->width;
+    h->number = pm_arena_array(&v->arena, capacity, sizeof *h->number);
+    h->frame = pm_arena_array(&v->arena, capacity * width, sizeof *h->frame);
+    v->frame = pm_arena_array(&v->arena, width, sizeof *v->frame);
+    return pm_arena_status(&v->arena, "the frames of a view of %s", scene->name);
+}
+
+// Writes the name of a node into `text` [NAME_SIZE]: that of the subsystem, or "first ... (count)".
+static const char *node_name(const view_node *node, char *text) {
+    if (node->count > 1) {
+        snprintf(text, NAME_SIZE, "%s ... (%d)", node->name, node->count);
+    } else {
+        snprintf(text, NAME_SIZE, "%s", node->name);
+    }
+    return text;
+}
+
+// --- the frames that are kept ---
+
+static double *frame_at(const view_history *h, int i) {
+    return h->frame + (size_t)i * (size_t)h->width;
+}
+
+// Adds a copy of frame [width], if it is one of those to be kept.
+static void keep_frame(view_history *h, const double *frame) {
+    const size_t size = (size_t)h->width * sizeof *frame;
+    h->newest += 1;
+    if (h->count > 0 && h->newest < h->number[h->count - 1] + h->stride) {
+        return;
+    }
+    if (h->count == h->capacity) {
+        h->count /= 2;
+        h->stride *= 2;
+        for (int i = 1; i < h->count; ++i) {
+            h->number[i] = h->number[2 * i];
+            memcpy(frame_at(h, i), frame_at(h, 2 * i), size);
+        }
+    }
+    h->number[h->count] = h->newest;
+    memcpy(frame_at(h, h->count++), frame, size);
+}
+
+// --- frames of a recording ---
+
+typedef struct recording_reader {
+    pm_hdf5 *file;
+    const char *path;
+    const view *view;
+    int rows;      // complete samples in the file
+    int stride;    // one of so many is kept
+    double *value; // [most] numbers read from the file
+    int *at;       // [most] position in a frame of each member of a range; -1: none
+} recording_reader;
+
+// Adds the series `name`, which has one number for each sample, to the numbers at position `at` of
+// all frames. Without the series they become NaN: a recording need not have every number.
+static pm_status add_series(const recording_reader *r, const char *name, int at) {
+    const view_history *h = &r->view->history;
+    int rows = 0;
+    double *value = NULL;
+    pm_status status = PM_OK;
+    if (pm_hdf5_has(r->file, name)) {
+        PM_TRY(pm_hdf5_shape(r->file, name, 1, &rows));
+        if (rows < r->rows) {
+            return pm_fail(PM_EFILE, "%s: %s has %d samples, expected %d", r->path, name, rows,
+                           r->rows);
+        }
+        value = calloc((size_t)rows, sizeof *value);
+        status = value == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", r->path)
+                               : pm_hdf5_read(r->file, name, 1, &rows, value);
+    }
+    for (int i = 0; i < h->count && status == PM_OK; ++i) {
+        frame_at(h, i)[at] += value == NULL ? (double)NAN : value[(long)i * r->stride];
+    }
+    free(value);
+    return status;
+}
+
+// Adds a quantity of a family of subsystems or ports to the numbers at the positions r->at of all
+// frames, one for each member.
+static pm_status add_family(const recording_reader *r, const char *folder,
+                            const pm_recorded_family *family, const char *quantity) {
+    const view_history *h = &r->view->history;
+    char name[NAME_SIZE];
+    snprintf(name, sizeof name, "/%s/%s/%s", folder, family->name, quantity);
+    if (!family->is_range) {
+        return r->at[0] < 0 ? PM_OK : add_series(r, name, r->at[0]);
+    }
+    for (int i = 0; i < h->count; ++i) {
+        PM_TRY(pm_hdf5_read_row(r->file, name, i * r->stride, family->count, r->value));
+        for (int k = 0; k < family->count; ++k) {
+            if (r->at[k] >= 0) {
+                frame_at(h, i)[r->at[k]] += r->value[k];
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// Adds the energies and entropies of all nodes and the fluxes of all edges.
+static pm_status add_components(recording_reader *r, const pm_recorded_families *families) {
+    static const char *const of_part[PER_PART] = {"E", "S", "bulk_entropy"};
+    static const char *const of_edge[PER_EDGE] = {"energy_flux_a", "energy_flux_b",
+                                                  "entropy_flux_a", "entropy_flux_b"};
+    const view_graph *g = &r->view->graph;
+    for (int i = 0; i < families->nsubsystem * PER_PART; ++i) {
+        const pm_recorded_family *family = &families->subsystem[i / PER_PART];
+        for (int k = 0; k < family->count; ++k) {
+            const int node = g->node_of[family->first + k];
+            r->at[k] = node < 0 ? -1 : TOTALS + i % PER_PART * g->npart + node;
+        }
+        PM_TRY(add_family(r, "subsystems", family, of_part[i % PER_PART]));
+    }
+    const int first = TOTALS + PER_PART * g->npart;
+    for (int i = 0; i < families->nport * PER_EDGE; ++i) {
+        const pm_recorded_family *family = &families->port[i / PER_EDGE];
+        for (int k = 0; k < family->count; ++k) {
+            const int id = family->first + k, edge = g->edge_of[id];
+            const int shown = i % PER_EDGE ^ g->first_end[id];
+            r->at[k] = edge < 0 ? -1 : first + shown * g->nedge + edge;
+        }
+        PM_TRY(add_family(r, "ports", family, of_edge[i % PER_EDGE]));
+    }
+    return PM_OK;
+}
+
+// Reads all samples of the recording, or as many as the history keeps, evenly spread. PM_EFILE: the
+// file cannot be read, or is no recording of this scene. PM_ENOMEM.
+static pm_status read_recording(view *v) {
+    static const struct {
+        const char *name;
+        int at;
+    } totals[] = {{"/time", TIME},
+                  {"/ledger/energy", ENERGY},
+                  {"/ledger/entropy", ENTROPY},
+                  {"/ledger/energy_residual", ENERGY_RESIDUAL},
+                  {"/ledger/entropy_residual", ENTROPY_RESIDUAL}};
+    const pm_scene *scene = v->scene;
+    view_history *h = &v->history;
+    recording_reader r = {.path = v->options->recording, .view = v};
+    uint64_t committed;
+    pm_status status;
+    PM_TRY_DONE(pm_hdf5_open(&r.file, r.path, PM_HDF5_ANY, PM_EFILE));
+    PM_TRY_DONE(pm_hdf5_read_integer(r.file, "/", "committed", &committed));
+    PM_TRY_DONE(pm_hdf5_shape(r.file, "/time", 1, &r.rows));
+    if (committed < 1 || committed > (uint64_t)r.rows) {
+        status = pm_fail(PM_EFILE, "%s: %" PRIu64 " of %d samples are complete", r.path, committed,
+                         r.rows);
+        goto done;
+    }
+    // A recording of all subsystems has the first one.
+    const char *range = scene->physics.subsystem[0].range;
+    char first[NAME_SIZE];
+    snprintf(first, sizeof first, "/subsystems/%s",
+             range == NULL ? scene->physics.subsystem[0].name : range);
+    if (scene->run.recorded == NULL && !pm_hdf5_has(r.file, first)) {
+        status = pm_fail(PM_EFILE, "%s: no recording of scene %s: it has no %s", r.path,
+                         scene->name, first);
+        goto done;
+    }
+    const int most = scene->physics.nsubsystem > scene->physics.nport ? scene->physics.nsubsystem
+                                                                      : scene->physics.nport;
+    pm_recorded_families families;
+    r.value = pm_arena_array(&v->arena, (size_t)most, sizeof *r.value);
+    r.at = pm_arena_array(&v->arena, (size_t)most, sizeof *r.at);
+    PM_TRY_DONE(pm_arena_status(&v->arena, "%s", r.path));
+    PM_TRY_DONE(pm_recorded_families_find(&families, &v->arena, scene));
+    r.rows = (int)committed;
+    r.stride = (r.rows + h->capacity - 1) / h->capacity;
+    h->count = (r.rows + r.stride - 1) / r.stride;
+    h->newest = h->count;
+    for (int i = 0; i < h->count; ++i) {
+        h->number[i] = i + 1;
+    }
+    for (size_t i = 0; i < sizeof totals / sizeof totals[0]; ++i) {
+        PM_TRY_DONE(add_series(&r, totals[i].name, totals[i].at));
+    }
+    for (int i = 0; i < h->count; ++i) {
+        double *frame = frame_at(h, i);
+        frame[STEP] = round(frame[TIME] / scene->physics.dt);
+        frame[VIOLATIONS] = NAN; // no series has their number
+    }
+    status = add_components(&r, &families);
+done:
+    pm_hdf5_close(r.file);
+    return status;
+}
+
+// --- messages as JSON (RFC 8259) ---
+
+// Every name is a name of the scene, and every value a number or such a name. A number that is not
+// finite is written as null.
+
+static void put_text(FILE *file, const char *text) {
+    char quoted[TEXT_SIZE];
+    pm_json_quote(quoted, sizeof quoted, text);
+    fputs(quoted, file);
+}
+
+static void put_number(FILE *file, double value) {
+    if (isfinite(value)) {
+        fprintf(file, "%.15g", value);
+    } else {
+        fputs("null", file);
+    }
+}
+
+static void put_field(FILE *file, const char *name, double value) {
+    fprintf(file, ",\"%s\":", name);
+    put_number(file, value);
+}
+
+// Writes `count` lists of `width` numbers.
+static void put_lists(FILE *file, const double *value, int count, int width) {
+    for (int i = 0; i < count; ++i) {
+        fputs(i == 0 ? "[[" : ",[", file);
+        for (int k = 0; k < width; ++k) {
+            fputs(k == 0 ? "" : ",", file);
+            put_number(file, value[i * width + k]);
+        }
+        fputc(']', file);
+    }
+    fputc(']', file);
+}
+
+// {"scene": {"name", "recording", "dt", "steps", "subsystems", "ports", "nodes": [{"name",
+// "count"}], "parts", "edges": [{"name", "a", "b", "count"}]}}: the graph. The first `parts` nodes
+// are subsystems or groups of them, the others boundary inputs; a and b are positions of nodes.
+static void write_scene(FILE *file, const view *v) {
+    const pm_scene *scene = v->scene;
+    const view_graph *g = &v->graph;
+    char name[NAME_SIZE];
+    fputs("{\"scene\":{\"name\":", file);
+    put_text(file, scene->name);
+    fputs(",\"recording\":", file);
+    if (v->options->recording == NULL) {
+        fputs("null", file);
+    } else {
+        put_text(file, v->options->recording);
+    }
+    put_field(file, "dt", scene->physics.dt);
+    fprintf(file, ",\"steps\":%d,\"subsystems\":%d,\"ports\":%d,\"parts\":%d,\"nodes\":[",
+            scene->run.steps, scene->physics.nsubsystem, scene->physics.nport, g->npart);
+    for (int i = 0; i < g->nnode; ++i) {
+        fputs(i == 0 ? "{\"name\":" : ",{\"name\":", file);
+        put_text(file, node_name(&g->node[i], name));
+        fprintf(file, ",\"count\":%d}", g->node[i].count);
+    }
+    fputs("],\"edges\":[", file);
+    for (int i = 0; i < g->nedge; ++i) {
+        const view_edge *edge = &g->edge[i];
+        fputs(i == 0 ? "{\"name\":" : ",{\"name\":", file);
+        put_text(file, edge->name);
+        fprintf(file, ",\"a\":%d,\"b\":%d,\"count\":%d}", edge->end[0], edge->end[1], edge->count);
+    }
+    fputs("]}}", file);
+}
+
+// {"frame": {"session", "step", "time", "energy", "entropy", "energy_residual", "entropy_residual",
+// "violations", "parts": [energies, entropies, productions], "edges": [energy fluxes into a,
+// likewise into b, entropy fluxes into a, likewise into b]}}.
+static void write_frame(FILE *file, const view_graph *g, const double *frame) {
+    static const char *const totals[] = {
+        "step", "time", "energy", "entropy", "energy_residual", "entropy_residual", "violations",
+    };
+    // The page's numbers are doubles, too: it receives a text, which it only compares.
+    fprintf(file, "{\"frame\":{\"session\":\"%" PRIu64 "\"",
+            (uint64_t)frame[SESSION_HIGH] << 32 | (uint64_t)frame[SESSION_LOW]);
+    for (int i = STEP; i < TOTALS; ++i) {
+        put_field(file, totals[i - STEP], frame[i]);
+    }
+    fputs(",\"parts\":", file);
+    put_lists(file, frame + TOTALS, PER_PART, g->npart);
+    fputs(",\"edges\":", file);
+    put_lists(file, frame + TOTALS + PER_PART * g->npart, PER_EDGE, g->nedge);
+    fputs("}}", file);
+}
+
+static void put_peer(FILE *file, const char *name, const pm_scene *scene, int64_t peer) {
+    fprintf(file, ",\"%s\":", name);
+    if (peer == PM_HEALTH_NOBODY) {
+        fputs("null", file);
+    } else {
+        put_text(file, pm_health_name(scene, peer));
+    }
+}
+
+// Measures how much a process holds up the others.
+static double urgency(const portmet_health_t *h, int i) {
+    return (h->silent[i] < 0 || h->silent[i] > PM_HEALTH_SILENT ? 100 : 0) + 10 * h->loss[i] +
+           h->computing[i];
+}
+
+// Returns true if process i is written: of many processes only the MOST_ROWS most urgent ones are.
+static bool is_written(const portmet_health_t *h, int i) {
+    int before = 0;
+    for (int k = 0; h->nprocess > MOST_SHOWN && k < h->nprocess && before < MOST_ROWS; ++k) {
+        const double difference = urgency(h, k) - urgency(h, i);
+        before += difference > 0 || (difference == 0 && k < i);
+    }
+    return before < MOST_ROWS;
+}
+
+// {"health": {"step", "steps", "rate", "blocker", "over", "processes", "rows": [{"name", "step",
+// "rate", "silent", "cpu", "busy", "waits_for", "waits", "asks", "answers", "loses_from", "loss",
+// "drops", "strange", "checkpoint", "memory"}]}}: fields of health_t.
+static void write_health(FILE *file, const pm_scene *scene, const portmet_health_t *h, bool over) {
+    fprintf(file, "{\"health\":{\"step\":%lld,\"steps\":%lld", (long long)h->step,
+            (long long)h->steps);
+    put_field(file, "rate", h->rate);
+    put_peer(file, "blocker", scene, h->blocker);
+    fprintf(file, ",\"over\":%s,\"processes\":%d,\"rows\":[", over ? "true" : "false", h->nprocess);
+    bool first = true;
+    for (int i = 0; i < h->nprocess; ++i) {
+        if (!is_written(h, i)) {
+            continue;
+        }
+        fputs(first ? "{\"name\":" : ",{\"name\":", file);
+        first = false;
+        put_text(file, scene->network.process[i].name);
+        put_field(file, "step", (double)h->process_step[i]);
+        put_field(file, "rate", h->process_rate[i]);
+        put_field(file, "silent", h->silent[i]);
+        put_field(file, "cpu", h->cpu[i]);
+        put_field(file, "busy", h->computing[i]);
+        put_peer(file, "waits_for", scene, h->waits_for[i]);
+        put_field(file, "waits", h->waits_part[i]);
+        put_field(file, "asks", h->asks[i]);
+        put_field(file, "answers", h->answers[i]);
+        put_peer(file, "loses_from", scene, h->loses_from[i]);
+        put_field(file, "loss", h->loss[i]);
+        put_field(file, "drops", (double)h->drops[i]);
+        put_field(file, "strange", (double)h->strange[i]);
+        put_field(file, "checkpoint", h->checkpoint_age[i]);
+        put_field(file, "memory", (double)h->rss[i]);
+        fputc('}', file);
+    }
+    fputs("]}}", file);
+}
+
+// Writes the next message that a client of the page has not received.
 static bool write_next(void *context, pm_view_progress *progress, FILE *file) {
-    view *v = context;
+    const view *v = context;
     if (progress->scene == 0) {
         progress->scene = 1;
-        pm_view_write_scene(file, &v->graph, v->options->recording);
+        write_scene(file, v);
         return true;
     }
     const portmet_health_t *health = v->listener == NULL ? NULL : pm_listener_health(v->listener);
     if (health != NULL && progress->health != v->health) {
         progress->health = v->health;
-        pm_view_write_health(file, v->scene, health, pm_listener_is_over(v->listener));
+        write_health(file, v->scene, health, pm_listener_is_over(v->listener));
         return true;
     }
-    const double *frame = pm_view_history_next(&v->history, &progress->frame);
-    if (frame == NULL) {
+    // The next frame is the first one kept that the client does not have, or the newest one.
+    const view_history *h = &v->history;
+    int low = 0, high = h->count;
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (h->number[middle] <= progress->frame) {
+            low = middle + 1;
+        } else {
+            high = middle;
+        }
+    }
+    if (low == h->count && (h->count == 0 || h->newest <= progress->frame)) {
         return false;
     }
-    pm_view_write_frame(file, &v->graph, frame);
+    progress->frame = low < h->count ? h->number[low] : h->newest;
+    write_frame(file, &v->graph, low < h->count ? frame_at(h, low) : v->frame);
     return true;
 }
 
-// --- a run ---
+// --- values under their names ---
 
-static void put_ledger(double *frame, const portmet_ledger_t *ledger) {
-    frame[PM_VIEW_ENERGY] = ledger == NULL ? (double)NAN : ledger->energy;
-    frame[PM_VIEW_ENTROPY] = ledger == NULL ? (double)NAN : ledger->entropy;
-    frame[PM_VIEW_ENERGY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->energy_residual;
-    frame[PM_VIEW_ENTROPY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->entropy_residual;
-    frame[PM_VIEW_VIOLATIONS] = ledger == NULL ? (double)NAN : (double)ledger->violations;
+// A text {"timestamp": s, "SCENE": {"energy": {"NAME": J}}}, as PlotJuggler expects it. The kinds
+// are "total", "energy", "entropy", "production", "power", "entropy_flux" and "process". When the
+// text is long enough it is sent, and another one begins.
+typedef struct value_writer {
+    const view *view;
+    FILE *file; // NULL: no text has begun
+    char *text;
+    size_t size;
+    const char *kind; // of the value before
+    bool failed;
+} value_writer;
+
+// Sends the text. It does not matter whether anybody receives it.
+static void end_text(value_writer *w) {
+    if (w->file == NULL) {
+        return;
+    }
+    fputs("}}}", w->file);
+    if (fclose(w->file) == 0) {
+        (void)send(w->view->datagrams, w->text, w->size, 0);
+    } else {
+        w->failed = true;
+    }
+    free(w->text);
+    w->file = NULL;
 }
+
+// Writes one value; `kind` is a literal, so that equal kinds have equal addresses.
+static void put_value(value_writer *w, const char *kind, const char *name, double value) {
+    if (!isfinite(value)) {
+        return;
+    }
+    if (w->file != NULL && ftell(w->file) > DATAGRAM_SIZE) {
+        end_text(w);
+    }
+    if (w->file == NULL) {
+        w->file = open_memstream(&w->text, &w->size);
+        if (w->file == NULL) {
+            w->failed = true;
+            return;
+        }
+        fputs("{\"timestamp\":", w->file);
+        put_number(w->file, w->view->frame[TIME]);
+        fputc(',', w->file);
+        put_text(w->file, w->view->scene->name);
+        fputs(":{", w->file);
+        w->kind = NULL;
+    }
+    if (w->kind != kind) {
+        fprintf(w->file, "%s\"%s\":{", w->kind == NULL ? "" : "},", kind);
+    } else {
+        fputc(',', w->file);
+    }
+    w->kind = kind;
+    put_text(w->file, name);
+    fputc(':', w->file);
+    put_number(w->file, value);
+}
+
+// Sends the values of the newest frame and of the health. The power through a port is the energy
+// flux into its second end. PM_ENOMEM.
+static pm_status send_values(const view *v) {
+    static const char total[] = "total", process[] = "process";
+    static const char *const of_part[PER_PART] = {"energy", "entropy", "production"};
+    static const char *const of_edge[PER_EDGE] = {NULL, "power", NULL, "entropy_flux"};
+    const view_graph *g = &v->graph;
+    const double *part = v->frame + TOTALS, *flux = part + PER_PART * g->npart;
+    const portmet_health_t *h = pm_listener_health(v->listener);
+    value_writer w = {.view = v};
+    char name[NAME_SIZE];
+    put_value(&w, total, "step", v->frame[STEP]);
+    put_value(&w, total, "energy", v->frame[ENERGY]);
+    put_value(&w, total, "entropy", v->frame[ENTROPY]);
+    put_value(&w, total, "energy_residual", v->frame[ENERGY_RESIDUAL]);
+    put_value(&w, total, "entropy_residual", v->frame[ENTROPY_RESIDUAL]);
+    put_value(&w, total, "violations", v->frame[VIOLATIONS]);
+    if (h != NULL) {
+        put_value(&w, total, "steps_per_second", h->rate);
+    }
+    for (int k = 0; k < PER_PART * g->npart; ++k) {
+        put_value(&w, of_part[k / g->npart], node_name(&g->node[k % g->npart], name), part[k]);
+    }
+    for (int k = 0; k < PER_EDGE * g->nedge; ++k) {
+        if (of_edge[k / g->nedge] != NULL) {
+            put_value(&w, of_edge[k / g->nedge], g->edge[k % g->nedge].name, flux[k]);
+        }
+    }
+    for (int i = 0; h != NULL && i < h->nprocess; ++i) {
+        const struct {
+            const char *name;
+            double value;
+        } shown[] = {{"steps_per_second", h->process_rate[i]},
+                     {"busy", h->computing[i]},
+                     {"drops", (double)h->drops[i]}};
+        for (size_t k = 0; k < sizeof shown / sizeof shown[0]; ++k) {
+            if (is_written(h, i) && h->silent[i] >= 0) {
+                snprintf(name, sizeof name, "%s/%s", v->scene->network.process[i].name,
+                         shown[k].name);
+                put_value(&w, process, name, shown[k].value);
+            }
+        }
+    }
+    end_text(&w);
+    return w.failed ? pm_fail(PM_ENOMEM, "view: out of memory for values") : PM_OK;
+}
+
+// --- a run ---
 
 // Makes a frame of the newest sample, if it is a new one.
 static pm_status take_frame(view *v) {
     const int64_t session = pm_listener_session(v->listener);
     const pm_sample *sample = pm_listener_sample(v->listener);
+    const portmet_ledger_t *ledger = pm_listener_ledger(v->listener);
+    const view_graph *g = &v->graph;
+    double *const frame = v->frame, *const part = frame + TOTALS;
+    double *const edge = part + PER_PART * g->npart;
     if (sample == NULL || (session == v->session && sample->step == v->step)) {
         return PM_OK;
     }
-    if (session != v->session) {
-        pm_view_history_clear(&v->history);
+    if (session != v->session) { // numbers of frames go on
+        v->history.count = 0;
+        v->history.stride = 1;
     }
     v->session = session;
     v->step = sample->step;
-    v->frame[PM_VIEW_SESSION_HIGH] = (double)((uint64_t)session >> 32);
-    v->frame[PM_VIEW_SESSION_LOW] = (double)(uint32_t)session;
-    v->frame[PM_VIEW_STEP] = (double)sample->step;
-    v->frame[PM_VIEW_TIME] = sample->time;
-    put_ledger(v->frame, pm_listener_ledger(v->listener));
-    pm_view_frame_fill(&v->graph, sample, v->frame);
-    pm_view_history_add(&v->history, v->frame);
-    return v->datagrams < 0
-               ? PM_OK
-               : pm_view_write_values(&v->graph, v->frame, pm_listener_health(v->listener),
-                                      pm_view_datagram_send, &v->datagrams);
-}
-
-static pm_status look(view *v) {
-    PM_TRY(pm_listener_read(v->listener));
-    PM_TRY(take_frame(v));
-    const int64_t count = pm_listener_health_count(v->listener);
-    const bool over = pm_listener_is_over(v->listener);
-    if (count != v->health_count || over != v->health_over) {
-        v->health += 1;
-        v->health_count = count;
-        v->health_over = over;
+    memset(frame, 0, (size_t)v->history.width * sizeof *frame);
+    frame[SESSION_HIGH] = (double)((uint64_t)session >> 32);
+    frame[SESSION_LOW] = (double)(uint32_t)session;
+    frame[STEP] = (double)sample->step;
+    frame[TIME] = sample->time;
+    frame[ENERGY] = ledger == NULL ? (double)NAN : ledger->energy;
+    frame[ENTROPY] = ledger == NULL ? (double)NAN : ledger->entropy;
+    frame[ENERGY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->energy_residual;
+    frame[ENTROPY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->entropy_residual;
+    frame[VIOLATIONS] = ledger == NULL ? (double)NAN : (double)ledger->violations;
+    for (int i = 0; i < v->scene->physics.nsubsystem; ++i) {
+        const int k = g->node_of[i];
+        part[k] += sample->energy[i];
+        part[g->npart + k] += sample->entropy[i];
+        part[2 * g->npart + k] += sample->bulk_entropy[i];
     }
-    return PM_OK;
-}
-
-static void sleep_for(double seconds) {
-    const struct timespec time = {.tv_nsec = (long)(1e9 * seconds)};
-    (void)nanosleep(&time, NULL);
-}
-
-static pm_status watch(view *v) {
-    while (*v->options->stop == 0) {
-        if (v->listener != NULL) {
-            PM_TRY(look(v));
+    for (int i = 0; i < v->scene->physics.nport; ++i) {
+        const int k = g->edge_of[i];
+        for (int end = 0; end < 2 && k >= 0; ++end) {
+            const pm_flux *flux = &sample->flux[i][g->first_end[i] ^ end];
+            edge[end * g->nedge + k] += flux->energy;
+            edge[(2 + end) * g->nedge + k] += flux->entropy;
         }
-        if (v->server == NULL) {
-            sleep_for(INTERVAL);
-            continue;
-        }
-        pm_view_server_wake(v->server);
-        PM_TRY(pm_view_server_serve(v->server, INTERVAL, v->options->stop));
     }
-    return pm_fail(PM_EINTERRUPTED, "interrupted");
+    keep_frame(&v->history, frame);
+    return v->datagrams < 0 ? PM_OK : send_values(v);
 }
 
 // --- opening ---
 
-static pm_status check_options(const pm_run_options *options) {
-    struct in_addr address;
-    if (options->bind != NULL && inet_pton(AF_INET, options->bind, &address) != 1) {
+static pm_status open_view(view *v) {
+    const pm_run_options *options = v->options;
+    struct in_addr any;
+    if (options->bind != NULL && inet_pton(AF_INET, options->bind, &any) != 1) {
         return pm_fail(PM_EUSAGE, "--bind %s: expected an IPv4 address of this host, such as %s",
                        options->bind, "0.0.0.0 for all");
     }
     if (options->recording != NULL && options->udp != 0) {
         return pm_fail(PM_EUSAGE, "--udp is for runs, and --recording for the page");
     }
-    return PM_OK;
-}
-
-static pm_status open_run(view *v) {
-    PM_TRY(pm_connect_check(v->scene));
-    PM_TRY(pm_connect_listener(v->scene, v->options->url));
-    PM_TRY(pm_connect_open(&v->transport, v->scene, "view", &v->options->log));
-    return pm_listener_open(&v->listener, v->transport, v->scene, v->options->session);
-}
-
-// The page is served unless only --udp is given.
-static pm_status open_outputs(view *v) {
-    const pm_run_options *options = v->options;
-    if (options->udp != 0) {
-        PM_TRY(pm_view_datagram_open(&v->datagrams, (int)options->udp));
-        printf("portmetd: values of %s as JSON to udp://127.0.0.1:%d\n", v->scene->name,
-               (int)options->udp);
+    PM_TRY(pm_scene_load(&v->scene, options->scene));
+    PM_TRY(make_graph(v));
+    if (options->recording != NULL) {
+        PM_TRY(read_recording(v));
+    } else {
+        const char *address;
+        PM_TRY(pm_connect_check(v->scene));
+        PM_TRY(pm_connect_listener(v->scene, options->url, &address));
+        PM_TRY(pm_connect_open(&v->transport, v->scene, address, "view", &options->log));
+        PM_TRY(pm_listener_open(&v->listener, v->transport, v->scene, options->session));
     }
-    if (options->udp == 0 || options->port != 0) {
-        const char *address = options->bind == NULL ? "127.0.0.1" : options->bind;
-        const int port = options->port == 0 ? PM_VIEW_PORT : (int)options->port;
+    if (options->udp != 0) {
+        const int port = (int)options->udp;
+        const struct sockaddr_in to = {.sin_family = AF_INET,
+                                       .sin_port = htons((uint16_t)port),
+                                       .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+        v->datagrams = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        if (v->datagrams < 0 ||
+            connect(v->datagrams, (const struct sockaddr *)&to, sizeof to) != 0) {
+            return pm_fail(PM_ENET, "--udp %d: no socket: %s", port, strerror(errno));
+        }
+        printf("portmetd: values of %s as JSON to udp://127.0.0.1:%d\n", v->scene->name, port);
+    }
+    if (options->udp == 0 || options->port != 0) { // the page is served unless only --udp is given
+        const char *address = options->bind == NULL ? DEFAULT_ADDRESS : options->bind;
+        const int port = options->port == 0 ? DEFAULT_PORT : (int)options->port;
         PM_TRY(pm_view_server_open(&v->server, address, port, write_next, v));
         printf("portmetd: a view of %s at http://%s:%d/\n", v->scene->name, address, port);
     }
@@ -165,29 +747,27 @@ static pm_status open_outputs(view *v) {
     return PM_OK;
 }
 
-static pm_status open_view(view *v) {
-    PM_TRY(check_options(v->options));
-    PM_TRY(pm_scene_load(&v->scene, v->options->scene));
-    // A recording may have some subsystems alone.
-    const bool *shown = v->options->recording == NULL ? NULL : v->scene->recorded;
-    PM_TRY(pm_view_graph_init(&v->graph, &v->arena, v->scene, shown));
-    const int width = pm_view_frame_size(&v->graph);
-    PM_TRY(pm_view_history_init(&v->history, &v->arena, width));
-    v->frame = pm_arena_array(&v->arena, (size_t)width, sizeof *v->frame);
-    if (v->frame == NULL) {
-        return pm_fail(PM_ENOMEM, "view: out of memory");
-    }
-    PM_TRY(v->options->recording != NULL
-               ? pm_view_recording_read(v->options->recording, &v->graph, &v->history)
-               : open_run(v));
-    return open_outputs(v);
-}
-
 static pm_status execute(const pm_run_options *options) {
     view v = {.options = options, .datagrams = -1, .step = -1};
     pm_status status;
     PM_TRY_DONE(open_view(&v));
-    PM_TRY_DONE(watch(&v));
+    while (*options->stop == 0) {
+        if (v.listener != NULL) {
+            PM_TRY_DONE(pm_listener_read(v.listener));
+            PM_TRY_DONE(take_frame(&v));
+            const int64_t count = pm_listener_health_count(v.listener);
+            const bool over = pm_listener_is_over(v.listener);
+            v.health += count != v.health_count || over != v.health_over;
+            v.health_count = count;
+            v.health_over = over;
+        }
+        if (v.server != NULL) {
+            PM_TRY_DONE(pm_view_server_serve(v.server, INTERVAL, options->stop));
+        } else {
+            (void)nanosleep(&(struct timespec){.tv_nsec = (long)(1e9 * INTERVAL)}, NULL);
+        }
+    }
+    status = pm_fail(PM_EINTERRUPTED, "interrupted");
 done:
     pm_view_server_close(v.server);
     pm_listener_close(v.listener);
@@ -200,7 +780,9 @@ done:
     return status;
 }
 
-static const pm_command command = {
+const pm_command pm_command_view = {
+    .name = "view",
+    .summary = "show a run or a recording in a browser",
     .arguments = "SCENE",
     .help =
         "Shows a run of the scene, which goes on beside it on this or any other host of the\n"
@@ -214,7 +796,3 @@ static const pm_command command = {
                PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,
 };
-
-pm_status pm_command_view(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    return pm_command_execute(&command, argc, argv, stop);
-}

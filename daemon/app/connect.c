@@ -11,13 +11,13 @@
 #define DEFAULT_URL "udpm://239.255.76.67:7667?ttl=0"
 
 pm_status pm_connect_key(const pm_scene *scene, pm_key *key) {
-    if (scene->key_file == NULL) {
+    if (scene->network.key_file == NULL) {
         return PM_OK;
     }
     pm_key read;
-    const pm_status status = pm_key_load(&read, scene->key_file);
+    const pm_status status = pm_key_load(&read, scene->network.key_file);
     if (status != PM_OK) {
-        return pm_fail(status, "%s: %s", scene->key_file_at, pm_error());
+        return pm_fail(status, "%s: %s", scene->network.key_file_at, pm_error());
     }
     if (key != NULL) {
         *key = read;
@@ -34,87 +34,71 @@ static void warn_clock(const void *context, const char *sender, double seconds) 
                      seconds);
 }
 
-static pm_status seal(pm_transport *transport, const pm_scene *scene, const char *name,
-                      const pm_journal *log) {
-    pm_key key;
-    char host[64] = "", sender[PM_SEAL_SENDER];
-    (void)gethostname(host, sizeof host - 1);
-    // A long name must not hide the host's.
-    snprintf(sender, sizeof sender, "%.31s@%.31s", name, host);
-    PM_TRY(pm_connect_key(scene, &key));
-    const pm_status status = pm_transport_seal(transport, &key, sender, warn_clock, log);
-    pm_key_clear(&key);
-    return status;
+const char *pm_connect_url(const pm_scene *scene, const char *url) {
+    return url != NULL ? url : scene->network.url != NULL ? scene->network.url : DEFAULT_URL;
 }
 
-// The longest channel of a process is that of its reports.
-static pm_status check_channels(const pm_scene *scene) {
-    for (int i = 0; i < scene->nprocess; ++i) {
+pm_status pm_connect_check(const pm_scene *scene) {
+    const pm_status status = pm_transport_check(pm_connect_url(scene, NULL));
+    if (status != PM_OK && scene->network.url_at != NULL) {
+        return pm_fail(status, "%s: url: %s", scene->network.url_at, pm_error());
+    }
+    PM_TRY(status);
+    for (int i = 0; i < scene->network.nprocess; ++i) {
+        // The longest channel of a process is that of its reports.
         char channel[PM_CHANNEL_SIZE];
-        const pm_status status = pm_channel_process(channel, scene, "REPORT", i);
-        if (status != PM_OK) {
-            const pm_scene_process *process = &scene->process[i];
-            return pm_fail(status, "%s: %s", scene->subsystem[process->subsystem[0]].at,
+        const pm_status named = pm_channel_process(channel, scene, "REPORT", i);
+        if (named != PM_OK) {
+            const pm_scene_process *process = &scene->network.process[i];
+            return pm_fail(named, "%s: %s", scene->physics.subsystem[process->subsystem[0]].at,
                            pm_error());
         }
     }
     return PM_OK;
 }
 
-pm_status pm_connect_check(pm_scene *scene) {
-    if (scene->url == NULL) {
-        scene->url = DEFAULT_URL;
-    }
-    scene->tap_url = pm_transport_has_ranks(scene->url) ? DEFAULT_URL : scene->url;
-    const pm_status status = pm_transport_check(scene->url);
-    if (status != PM_OK && scene->url_at != NULL) {
-        return pm_fail(status, "%s: url: %s", scene->url_at, pm_error());
-    }
-    PM_TRY(status);
-    return check_channels(scene);
+// Returns the address at which programs listen to a run of the scene.
+static const char *listening_url(const pm_scene *scene) {
+    const char *own = pm_connect_url(scene, NULL);
+    return pm_transport_has_ranks(own) ? DEFAULT_URL : own;
 }
 
-pm_status pm_connect_listener(pm_scene *scene, const char *url) {
-    scene->url = url == NULL ? scene->tap_url : url;
-    return pm_transport_has_ranks(scene->url)
+pm_status pm_connect_listener(const pm_scene *scene, const char *url, const char **address) {
+    *address = url == NULL ? listening_url(scene) : url;
+    return pm_transport_has_ranks(*address)
                ? pm_fail(PM_ECONFIG,
                          "nobody can join the ranks of a run at %s: a scene's `tap` "
                          "repeats chosen messages over LCM",
-                         scene->url)
-               : pm_transport_check(scene->url);
+                         *address)
+               : pm_transport_check(*address);
 }
 
-pm_status pm_connect_refuse_ranks(const pm_scene *scene, const char *command) {
-    return pm_transport_has_ranks(scene->url)
-               ? pm_fail(PM_EUSAGE,
-                         "%s does not work at %s: mpirun starts all processes, by "
-                         "\"mpirun -n %d portmetd run %s --url %s\"",
-                         command, scene->url, scene->nprocess + 1, scene->path, scene->url)
-               : PM_OK;
-}
-
-// Repeats the channels of the scene's tap over LCM, where the transport is another one.
-static pm_status tap(pm_transport *transport, const pm_scene *scene) {
-    const pm_tap tap = {scene->tap_url, scene->name, scene->ntap, scene->tap};
-    return scene->ntap > 0 && pm_transport_has_ranks(scene->url) ? pm_transport_tap(transport, &tap)
-                                                                 : PM_OK;
-}
-
-pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *name,
-                          const pm_journal *log) {
+pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *address,
+                          const char *name, const pm_journal *log) {
+    const pm_tap tap = {listening_url(scene), scene->name, scene->network.ntap, scene->network.tap};
     pm_transport *opened = NULL;
-    PM_TRY(pm_transport_open(&opened, scene->url, NULL));
-    pm_status status = tap(opened, scene);
-    if (status == PM_OK && scene->key_file != NULL) {
-        status = seal(opened, scene, name, log);
+    pm_status status;
+    PM_TRY(pm_transport_open(&opened, address));
+    if (tap.count > 0 && pm_transport_has_ranks(address)) {
+        PM_TRY_DONE(pm_transport_tap(opened, &tap));
     }
-    if (status != PM_OK) {
-        pm_transport_close(opened);
-        return status;
+    if (scene->network.key_file != NULL) {
+        pm_key key;
+        char host[64] = "", sender[PM_SEAL_SENDER];
+        (void)gethostname(host, sizeof host - 1);
+        // A long name must not hide the host's.
+        snprintf(sender, sizeof sender, "%.31s@%.31s", name, host);
+        PM_TRY_DONE(pm_connect_key(scene, &key));
+        status = pm_transport_seal(opened, &key, sender, warn_clock, log);
+        pm_key_clear(&key);
+        PM_TRY_DONE(status);
     }
     *transport = opened;
     pm_notify("READY=1");
     return PM_OK;
+done:
+    pm_transport_close(opened);
+    return status;
 }
 
 void pm_connect_warn(const pm_transport *transport, const pm_drops *drops, const pm_journal *log) {

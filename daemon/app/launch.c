@@ -59,45 +59,37 @@ pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log
     return PM_OK;
 }
 
-// Closes the files that a new program would not inherit.
-static void close_private_files(void) {
-    DIR *folder = opendir("/proc/self/fd");
-    const struct dirent *entry;
-    while (folder != NULL && (entry = readdir(folder)) != NULL) {
-        const int file = atoi(entry->d_name);
-        const int flags = file > STDERR_FILENO && file != dirfd(folder) ? fcntl(file, F_GETFD) : -1;
-        if (flags >= 0 && (flags & FD_CLOEXEC) != 0) {
-            close(file);
-        }
-    }
-    if (folder != NULL) {
-        closedir(folder);
-    }
-}
-
-// The life of the forked child.
-static void live(const pm_child *child, pid_t parent, int output) {
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    // The parent may have died before the line above took effect.
-    if (getppid() != parent || dup2(output, STDERR_FILENO) < 0) {
-        _exit(PM_EFILE);
-    }
-    prctl(PR_SET_NAME, child->name);
-    close_private_files();
-    const pm_status status = child->program.run(child->program.context, child->name);
-    const int code = pm_subcommand_end("portmetd", status);
-    fflush(stderr);
-    _exit(code);
-}
-
 static pm_status start(pm_child *child) {
     const pid_t parent = getpid();
     const int output = fileno(child->output);
     child->restart_at = 0;
     fflush(NULL); // else the child would print what is in the buffers, too
     child->pid = fork();
-    if (child->pid == 0) {
-        live(child, parent, output);
+    if (child->pid == 0) { // the life of the child
+        prctl(PR_SET_PDEATHSIG, SIGTERM);
+        // The parent may have died before the line above took effect.
+        if (getppid() != parent || dup2(output, STDERR_FILENO) < 0) {
+            _exit(PM_EFILE);
+        }
+        prctl(PR_SET_NAME, child->name);
+        // Closes the files that a new program would not inherit.
+        DIR *folder = opendir("/proc/self/fd");
+        const struct dirent *entry;
+        while (folder != NULL && (entry = readdir(folder)) != NULL) {
+            const int file = atoi(entry->d_name);
+            const int flags =
+                file > STDERR_FILENO && file != dirfd(folder) ? fcntl(file, F_GETFD) : -1;
+            if (flags >= 0 && (flags & FD_CLOEXEC) != 0) {
+                close(file);
+            }
+        }
+        if (folder != NULL) {
+            closedir(folder);
+        }
+        const pm_status status = child->program.run(child->program.context, child->name);
+        const int code = pm_subcommand_end("portmetd", status);
+        fflush(stderr);
+        _exit(code);
     }
     child->running = child->pid > 0;
     return child->running
@@ -120,49 +112,37 @@ pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program
     return start(child);
 }
 
-// Decides when a child that a signal has killed starts again.
-static void plan_restart(pm_child *child, const pm_journal *log) {
+// Reaps the child if it has ended, and decides when one that a signal has killed starts again.
+static void reap(pm_child *child, const pm_journal *log) {
+    if (!child->running || waitpid(child->pid, &child->wait_status, WNOHANG) == 0) {
+        return;
+    }
+    child->running = false;
+    if (!WIFSIGNALED(child->wait_status) || child->progress == NULL) {
+        return;
+    }
     struct stat file = {0};
     (void)stat(child->progress, &file);
     const bool progressed =
         file.st_mtim.tv_sec != child->seen.tv_sec || file.st_mtim.tv_nsec != child->seen.tv_nsec;
     child->seen = file.st_mtim;
     child->deaths = progressed ? 1 : child->deaths + 1;
-    if (child->deaths > MAX_DEATHS) {
-        return;
+    if (child->deaths <= MAX_DEATHS) {
+        const int number = WTERMSIG(child->wait_status);
+        char line[LINE];
+        child->restart_at = pm_clock() + PAUSE * (1 << child->deaths);
+        snprintf(line, sizeof line, "killed by signal %d (%s), started again", number,
+                 strsignal(number));
+        pm_journal_pass_on(log, child->name, line);
     }
-    child->restart_at = pm_clock() + PAUSE * (1 << child->deaths);
-    char line[LINE];
-    snprintf(line, sizeof line, "killed by signal %d (%s), started again",
-             WTERMSIG(child->wait_status), strsignal(WTERMSIG(child->wait_status)));
-    pm_journal_pass_on(log, child->name, line);
-}
-
-// Reaps the child if it has ended.
-static void reap(pm_child *child, const pm_journal *log) {
-    if (child->running && waitpid(child->pid, &child->wait_status, WNOHANG) != 0) {
-        child->running = false;
-        if (WIFSIGNALED(child->wait_status) && child->progress != NULL) {
-            plan_restart(child, log);
-        }
-    }
-}
-
-// Returns true if a line is a notice, which is never an error and is printed at once.
-static bool is_notice(const char *line) {
-    static const char *const notices[] = {"portmetd: held after ", "portmetd: the run pauses ",
-                                          "portmetd: the run goes on"};
-    for (size_t i = 0; i < sizeof notices / sizeof notices[0]; ++i) {
-        if (strncmp(line, notices[i], strlen(notices[i])) == 0) {
-            return true;
-        }
-    }
-    return false;
 }
 
 // Prints what the child wrote at least HOLD ago, and its notices. Reads with pread, because parent
 // and child share the position in the file.
 static void show_output(pm_child *child, const pm_journal *log) {
+    // A notice is never an error and is printed at once.
+    static const char *const notices[] = {"portmetd: held after ", "portmetd: the run pauses ",
+                                          "portmetd: the run goes on"};
     struct stat file;
     if (fstat(fileno(child->output), &file) != 0 || file.st_size == child->shown) {
         return;
@@ -179,7 +159,10 @@ static void show_output(pm_child *child, const pm_journal *log) {
         }
         line[count] = 0;
         const size_t length = strcspn(line, "\n");
-        const bool notice = line[length] == '\n' && is_notice(line);
+        bool notice = false;
+        for (size_t i = 0; i < sizeof notices / sizeof notices[0] && line[length] == '\n'; ++i) {
+            notice = notice || strncmp(line, notices[i], strlen(notices[i])) == 0;
+        }
         if (!notice && pm_clock() - child->grown <= HOLD) {
             return;
         }
@@ -201,26 +184,6 @@ static void collect_output(pm_child *child, const pm_journal *log, char *last) {
     }
 }
 
-static pm_status fail_child(pm_child *child, const pm_journal *log) {
-    char last[LINE];
-    collect_output(child, log, last);
-    const char prefix[] = "portmetd: ";
-    if (strncmp(last, prefix, sizeof prefix - 1) == 0) {
-        memmove(last, last + sizeof prefix - 1, strlen(last + sizeof prefix - 1) + 1);
-    }
-    const char *separator = last[0] == 0 ? "" : ": ";
-    if (WIFSIGNALED(child->wait_status)) {
-        const int number = WTERMSIG(child->wait_status);
-        return pm_fail(PM_ENET, "process %s was killed by signal %d (%s)%s%s", child->name, number,
-                       strsignal(number), separator, last);
-    }
-    const int code = WEXITSTATUS(child->wait_status);
-    const pm_status status =
-        code >= PM_EUSAGE && code <= PM_EINTERRUPTED ? (pm_status)code : PM_ENET;
-    return pm_fail(status, "process %s ended with exit code %d%s%s", child->name, code, separator,
-                   last);
-}
-
 pm_status pm_launch_watch(pm_launch *launch) {
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
@@ -232,13 +195,29 @@ pm_status pm_launch_watch(pm_launch *launch) {
             PM_TRY(start(child));
         }
     }
-    for (int i = 0; i < launch->count; ++i) {
-        pm_child *child = &launch->child[i];
-        if (!child->running && child->restart_at == 0 && child->wait_status != 0) {
-            return fail_child(child, launch->log);
-        }
+    pm_child *child = launch->child, *end = child + launch->count;
+    while (child < end && (child->running || child->restart_at != 0 || child->wait_status == 0)) {
+        ++child;
     }
-    return PM_OK;
+    if (child == end) {
+        return PM_OK;
+    }
+    // The child has failed. The last line that it wrote says why.
+    static const char prefix[] = "portmetd: ";
+    char last[LINE];
+    collect_output(child, launch->log, last);
+    const char *reason = last + (strncmp(last, prefix, strlen(prefix)) == 0 ? strlen(prefix) : 0);
+    const char *separator = *reason == 0 ? "" : ": ";
+    if (WIFSIGNALED(child->wait_status)) {
+        const int number = WTERMSIG(child->wait_status);
+        return pm_fail(PM_ENET, "process %s was killed by signal %d (%s)%s%s", child->name, number,
+                       strsignal(number), separator, reason);
+    }
+    const int code = WEXITSTATUS(child->wait_status);
+    const pm_status status =
+        code >= PM_EUSAGE && code <= PM_EINTERRUPTED ? (pm_status)code : PM_ENET;
+    return pm_fail(status, "process %s ended with exit code %d%s%s", child->name, code, separator,
+                   reason);
 }
 
 bool pm_launch_ended_well(const pm_launch *launch, int id) {

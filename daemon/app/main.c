@@ -1,36 +1,168 @@
-// portmetd: the daemon's subcommands.
+// portmetd: finds the subcommand, reads its options and executes it.
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+
 #include "app/command.h"
-#include "app/status_request.h"
+#include "app/observer.h"
 #include "base/linalg.h"
-#include "base/stop.h"
+#include "base/options.h"
 #include "base/subcommand.h"
 
-static const pm_subcommand commands[] = {
-    {"run", "run a scene: its processes, and a coordinator", pm_command_run},
-    {"node", "serve one process of a scene", pm_command_node},
-    {"coordinator", "step the nodes of a scene that run elsewhere", pm_command_coordinator},
-    {"status", "print how a run is doing", pm_command_status},
-    {"view", "show a run or a recording in a browser", pm_command_view},
-    {"export", "write a scene as C source or as an FMU", pm_command_export},
-    {"emit", "write files with which systemd or procman starts a scene", pm_command_emit},
-    {"check", "validate a scene and describe it", pm_command_check},
+static const pm_command *const commands[] = {
+    &pm_command_run,  &pm_command_node,   &pm_command_coordinator, &pm_command_status,
+    &pm_command_view, &pm_command_export, &pm_command_emit,        &pm_command_check,
 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 20, MOST_PORT = 65535 };
 
-static const pm_subcommands program = {
-    .program = "portmetd",
-    .about =
-        "Serves learned thermodynamic subsystems over LCM: one process per subsystem, energy and\n"
-        "entropy fluxes between neighbours. By construction energy is conserved and entropy\n"
-        "never falls.",
-    .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
-             "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
-             "12 interrupted.",
-    .count = sizeof commands / sizeof commands[0],
-    .command = commands,
-};
+// Options whose values are numbers arrive as text.
+typedef struct given_options {
+    pm_run_options run;
+    const char *steps, *session, *log, *port, *udp;
+} given_options;
+
+static pm_option text_option(const char *name, const char *value, const char **text,
+                             const char *help) {
+    return (pm_option){.name = name, .value = value, .text = text, .help = help};
+}
+
+// Fills table [MOST_OPTIONS] with the accepted options; returns their number.
+static int list_options(unsigned accepts, given_options *given, pm_option *table) {
+    pm_run_options *run = &given->run;
+    const struct {
+        unsigned bit;
+        pm_option option;
+    } row[MOST_OPTIONS] = {
+        {PM_OPTION_STEPS,
+         text_option("--steps", "N", &given->steps, "compute N steps instead of the scene's")},
+        {PM_OPTION_RECORD, text_option("--record", "FILE", &run->record,
+                                       "write every state, flux and total to FILE (HDF5)")},
+        {PM_OPTION_REPLAY, text_option("--replay", "FILE", &run->replay,
+                                       "take the values of live inputs from the recording FILE")},
+        {PM_OPTION_OVERWRITE,
+         {.name = "--overwrite",
+          .on = &run->overwrite,
+          .help = "let --record replace a file that is not a recording"}},
+        {PM_OPTION_WEIGHTS,
+         text_option("--weights", "DIR", &run->weights, "take the weights files from DIR")},
+        {PM_OPTION_URL,
+         text_option("--url", "URL", &run->url, "LCM provider, or mpi://, instead of the scene's")},
+        {PM_OPTION_IN_PROCESS,
+         {.name = "--in-process",
+          .on = &run->in_process,
+          .help = "all subsystems in this process, without LCM"}},
+        {PM_OPTION_SESSION,
+         text_option("--session", "NUMBER", &given->session,
+                     "number of the run, where several of this scene share a network")},
+        {PM_OPTION_CHECKPOINT,
+         text_option("--checkpoint", "DIR", &run->checkpoint,
+                     "keep checkpoints in DIR, and go on from those found there")},
+        {PM_OPTION_GATE,
+         text_option("--gate", "FILE", &run->gate,
+                     "hold the run after the number of steps in FILE until FILE has a larger one")},
+        {PM_OPTION_C,
+         text_option("--c", "DIR", &run->c_folder, "write a header and a source to DIR")},
+        {PM_OPTION_OUTPUT,
+         {.name = "--output",
+          .brief = "-o",
+          .value = "FILE",
+          .text = &run->output,
+          .help = "write an FMU to FILE"}},
+        {PM_OPTION_HOSTS,
+         text_option("--hosts", "LIST", &run->hosts,
+                     "hosts of the processes, such as a,b or upper=a,lower=b,coordinator=a")},
+        {PM_OPTION_FILES,
+         {.name = "--output",
+          .brief = "-o",
+          .value = "PATH",
+          .text = &run->output,
+          .help = "write to the folder (systemd) or file (procman) PATH"}},
+        {PM_OPTION_LOG, text_option("--log", "FORM", &given->log,
+                                    "form of the lines on standard error: text, or json")},
+        {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
+        {PM_OPTION_PORT, text_option("--port", "PORT", &given->port,
+                                     "serve the page on this port instead of 8080")},
+        {PM_OPTION_BIND, text_option("--bind", "ADDRESS", &run->bind,
+                                     "serve the page on this address instead of 127.0.0.1")},
+        {PM_OPTION_UDP, text_option("--udp", "PORT", &given->udp,
+                                    "send all values as JSON to this UDP port of 127.0.0.1")},
+        {PM_OPTION_RECORDING, text_option("--recording", "FILE", &run->recording,
+                                          "show this recording instead of a run")},
+    };
+    int count = 0;
+    for (int i = 0; i < MOST_OPTIONS; ++i) {
+        if ((accepts & row[i].bit) != 0) {
+            table[count++] = row[i].option;
+        }
+    }
+    return count;
+}
+
+// Reads the options of the command argv[0] and executes it, or prints its help.
+static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    given_options given = {.run = {.stop = stop, .log = {.program = "portmetd"}}};
+    pm_run_options *run = &given.run;
+    const pm_command *const *found = commands;
+    while (strcmp((*found)->name, argv[0]) != 0) {
+        ++found;
+    }
+    const pm_command *command = *found;
+    pm_option table[MOST_OPTIONS];
+    const char *positional[2] = {NULL, NULL};
+    char usage[64];
+    snprintf(usage, sizeof usage, "portmetd %s %s [options]", argv[0], command->arguments);
+    const pm_options options = {
+        .usage = usage,
+        .summary = command->help,
+        .positional_name = command->arguments,
+        .positional = positional,
+        .count = list_options(command->accepts, &given, table),
+        .option = table,
+    };
+    bool helped = false;
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    run->scene = positional[0];
+    run->name = positional[1];
+    run->log.part = positional[1] != NULL ? positional[1] : argv[0];
+    PM_TRY(pm_journal_read_form(given.log, &run->log.json));
+    const struct {
+        const char *name, *text;
+        int64_t most, *result;
+    } count[] = {{"--steps", given.steps, INT_MAX, &run->steps},
+                 {"--session", given.session, INT64_MAX, &run->session},
+                 {"--port", given.port, MOST_PORT, &run->port},
+                 {"--udp", given.udp, MOST_PORT, &run->udp}};
+    for (size_t i = 0; i < sizeof count / sizeof count[0]; ++i) {
+        if (count[i].text != NULL) {
+            PM_TRY(pm_options_count(count[i].name, count[i].text, count[i].most, count[i].result));
+        }
+    }
+    const pm_status status = helped ? PM_OK : command->execute(run);
+    if (status != PM_OK && run->log.json) {
+        const pm_journal_field code = {.name = "code", .number = (double)status};
+        pm_journal_write(&run->log, PM_JOURNAL_ERROR, 1, &code, "%s", pm_error());
+        return pm_fail(status, "%s", ""); // so that nobody prints the message again
+    }
+    return status;
+}
 
 int main(int argc, char **argv) {
+    pm_subcommand list[NCOMMAND];
+    for (int i = 0; i < NCOMMAND; ++i) {
+        list[i] = (pm_subcommand){commands[i]->name, commands[i]->summary, execute};
+    }
+    const pm_subcommands program = {
+        .program = "portmetd",
+        .about = "Serves learned thermodynamic subsystems over LCM: one process per subsystem, "
+                 "energy and\nentropy fluxes between neighbours. By construction energy is "
+                 "conserved and entropy\nnever falls.",
+        .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
+                 "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
+                 "12 interrupted.",
+        .count = NCOMMAND,
+        .command = list,
+    };
+    pm_status_install();
     pm_linalg_init();
-    pm_status_request_accept();
-    return pm_subcommand_main(&program, argc, argv, pm_stop_install(PM_STOP_SECOND_IGNORED));
+    return pm_subcommand_main(&program, argc, argv);
 }

@@ -4,13 +4,23 @@
 #ifndef PM_APP_OBSERVER_H
 #define PM_APP_OBSERVER_H
 
-#include "app/options.h"
-#include "app/report.h"
+#include "app/command.h"
 #include "base/progress.h"
-#include "lockstep/lockstep_coordinator.h"
+#include "library/setup.h"
+#include "lockstep/coordinator.h"
+#include "scene/recording.h"
+
+typedef struct pm_report pm_report; // the sums for the tables
+
+// Installs a handler of SIGUSR1, which asks for the state of the run.
+void pm_status_install(void);
+
+// Returns true if SIGUSR1 has come since the last call.
+bool pm_status_requested(void);
 
 // The caller owns the storage.
 typedef struct pm_observer {
+    pm_arena arena;
     const pm_run_options *options;
     const pm_scene *scene;
     pm_report *report;

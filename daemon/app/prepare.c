@@ -8,26 +8,21 @@
 #include "app/connect.h"
 #include "transport/transport.h"
 
-static pm_status override(pm_scene *scene, const pm_run_options *options) {
-    if (options->url != NULL) {
-        PM_TRY(pm_transport_check(options->url));
-        scene->url = options->url;
-    }
-    if (options->steps != 0) {
-        scene->steps = (int)options->steps;
-    }
-    return options->in_process ? pm_scene_join_processes(scene) : PM_OK;
-}
-
 pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose) {
     pm_scene *scene = NULL;
     *setup = (pm_setup){0};
     PM_TRY(pm_scene_load(&scene, options->scene));
     PM_TRY(pm_setup_open(setup, scene, options->weights));
-    // This follows the digest, because hosts may have different URLs and only one of them counts
-    // steps.
     PM_TRY(pm_connect_check(scene));
-    PM_TRY(override(scene, options));
+    if (options->url != NULL) {
+        PM_TRY(pm_transport_check(options->url));
+    }
+    if (options->steps != 0) { // not part of the digest, because only the coordinator counts steps
+        scene->run.steps = (int)options->steps;
+    }
+    if (options->in_process) {
+        PM_TRY(pm_scene_merge_processes(scene));
+    }
     PM_TRY(pm_setup_complete(setup, purpose));
     return options->replay == NULL ? PM_OK : pm_setup_replay(setup, options->replay);
 }
@@ -39,13 +34,13 @@ pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, 
     if (folder == NULL) {
         return PM_OK;
     }
-    if (setup->scene->tolerance > 0) {
+    if (pm_physics_is_adaptive(&setup->scene->physics)) {
         return pm_fail(PM_ECONFIG,
                        "scene %s has a tolerance, and --checkpoint needs fixed substeps: a "
                        "restarted process could not repeat the substeps of earlier steps",
                        setup->scene->name);
     }
-    if (setup->scene->nlive > 0) {
+    if (setup->scene->network.nlive > 0) {
         return pm_fail(PM_ECONFIG,
                        "scene %s has live inputs, and a process that restarts from a --checkpoint "
                        "could not repeat earlier steps: they do not come again",
@@ -56,5 +51,5 @@ pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, 
     }
     *path = pm_arena_printf(&setup->arena, "%s/%s%s%s.checkpoint", folder, setup->scene->name,
                             process == NULL ? "" : "-", process == NULL ? "" : process);
-    return *path == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", folder) : PM_OK;
+    return pm_arena_status(&setup->arena, "%s", folder);
 }

@@ -3,11 +3,11 @@
 #ifndef PM_APP_PREPARE_H
 #define PM_APP_PREPARE_H
 
-#include "app/options.h"
+#include "app/command.h"
 #include "library/setup.h"
 
-// Loads the scene that `options` names and completes the setup for `purpose`. The options --url,
-// --steps and --in-process replace the scene's URL, number of steps and processes. Fails as the
+// Loads the scene that `options` names and completes the setup for `purpose`. The options --steps
+// and --in-process replace the scene's number of steps and processes. Fails as the
 // functions of library/setup.h do. PM_ECONFIG, PM_EFILE: the URL or the key file cannot be used
 // (connect.h). The caller frees the setup, on failure too.
 pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);

@@ -3,16 +3,16 @@
 #ifndef PM_APP_SERVE_H
 #define PM_APP_SERVE_H
 
-#include "app/options.h"
+#include "app/command.h"
 #include "library/setup.h"
 
 // Serves the process `process_id` of the setup's scene until the run is over. Returns its result
-// (lockstep/lockstep_node.h), or what opening the transport or the checkpoint returns.
+// (lockstep/node.h), or what opening the transport or the checkpoint returns.
 pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int process_id);
 
 // Coordinates the processes of the setup's scene, which the caller or a user has started. Writes
 // the recording, and prints the tables at the end. Returns the result of the run
-// (lockstep/lockstep_coordinator.h), or what opening the recording, the transport or the checkpoint
+// (lockstep/coordinator.h), or what opening the recording, the transport or the checkpoint
 // returns.
 pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options);
 

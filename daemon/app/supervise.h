@@ -3,7 +3,7 @@
 #ifndef PM_APP_SUPERVISE_H
 #define PM_APP_SUPERVISE_H
 
-#include "app/options.h"
+#include "app/command.h"
 #include "library/setup.h"
 
 // Runs the scene, or continues the run whose checkpoints are in the folder options->checkpoint, and

@@ -1,12 +1,17 @@
 // HTTP and websockets by libwebsockets, whose event loop runs in pm_view_server_serve.
 #include "app/view_server.h"
 
+#ifdef PM_WEBSOCKETS
 #include <arpa/inet.h>
 #include <libwebsockets.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/view_page.h"
+// The files of the page (daemon/view), which the build embeds as arrays of lines that end with
+// NULL.
+extern const char *const pm_view_html[];
+extern const char *const pm_view_css[];
+extern const char *const pm_view_js[];
 
 enum { NFILE = 3, HEADER_SIZE = 1024, HOST_SIZE = 256, RECEIVE_SIZE = 512 };
 
@@ -73,7 +78,21 @@ static int refuse(struct lws *wsi, unsigned code, const char *why) {
     return -1;
 }
 
-static int start_file(struct lws *wsi, connection *c, const page_file *file) {
+// Refuses a request, or begins to answer it with a file.
+static int on_request(const pm_view_server *s, struct lws *wsi, connection *c, const char *path) {
+    if (!has_good_host(wsi)) {
+        return refuse(wsi, HTTP_STATUS_FORBIDDEN, "Use the address of this host, or localhost.");
+    }
+    if (lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) == 0) {
+        return refuse(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "Only GET is answered.");
+    }
+    const page_file *file = s->file;
+    while (file < s->file + NFILE && strcmp(path, file->path) != 0) {
+        ++file;
+    }
+    if (file == s->file + NFILE) {
+        return refuse(wsi, HTTP_STATUS_NOT_FOUND, "The page is at /.");
+    }
     unsigned char header[LWS_PRE + HEADER_SIZE], *start = header + LWS_PRE, *at = start;
     unsigned char *end = header + sizeof header - 1;
     static const char keep[] = "no-store";
@@ -88,72 +107,31 @@ static int start_file(struct lws *wsi, connection *c, const page_file *file) {
     return 0;
 }
 
-static int on_request(const pm_view_server *s, struct lws *wsi, connection *c, const char *path) {
-    if (!has_good_host(wsi)) {
-        return refuse(wsi, HTTP_STATUS_FORBIDDEN, "Use the address of this host, or localhost.");
-    }
-    if (lws_hdr_total_length(wsi, WSI_TOKEN_GET_URI) == 0) {
-        return refuse(wsi, HTTP_STATUS_METHOD_NOT_ALLOWED, "Only GET is answered.");
-    }
-    for (int i = 0; i < NFILE; ++i) {
-        if (strcmp(path, s->file[i].path) == 0) {
-            return start_file(wsi, c, &s->file[i]);
-        }
-    }
-    return refuse(wsi, HTTP_STATUS_NOT_FOUND, "The page is at /.");
-}
-
-static int send_file(struct lws *wsi, connection *c) {
-    if (c->file == NULL) {
-        return 0;
-    }
-    const page_file *file = c->file;
-    c->file = NULL;
-    if (lws_write(wsi, file->text + LWS_PRE, file->size, LWS_WRITE_HTTP_FINAL) < 0) {
-        return -1;
-    }
-    return lws_http_transaction_completed(wsi);
-}
-
 // --- websockets ---
-
-// Returns 0 if the client may have a websocket, and 1 if it was refused.
-static int admit(const pm_view_server *s, struct lws *wsi) {
-    return has_good_host(wsi) && has_good_origin(wsi) && s->nclient < PM_VIEW_CLIENTS
-               ? 0
-               : -refuse(wsi, HTTP_STATUS_FORBIDDEN, "This page must not listen here.");
-}
-
-// Sends the next message to a client, if there is one, and asks for the time of another.
-static int send_message(const pm_view_server *s, struct lws *wsi, connection *c) {
-    char *text = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&text, &size);
-    if (file == NULL) {
-        return -1;
-    }
-    fprintf(file, "%*s", LWS_PRE, "");
-    const bool more = s->next(s->next_context, &c->progress, file);
-    bool good = fclose(file) == 0;
-    if (good && more) {
-        good = lws_write(wsi, (unsigned char *)text + LWS_PRE, size - LWS_PRE, LWS_WRITE_TEXT) >= 0;
-        lws_callback_on_writable(wsi);
-    }
-    free(text);
-    return good ? 0 : -1;
-}
 
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
                     size_t length) {
     (void)length;
     pm_view_server *s = lws_context_user(lws_get_context(wsi));
+    connection *c = user;
     switch ((int)reason) {
     case LWS_CALLBACK_HTTP:
-        return on_request(s, wsi, user, in);
-    case LWS_CALLBACK_HTTP_WRITEABLE:
-        return send_file(wsi, user);
+        return on_request(s, wsi, c, in);
+    case LWS_CALLBACK_HTTP_WRITEABLE: {
+        if (c->file == NULL) {
+            return 0;
+        }
+        const page_file *file = c->file;
+        c->file = NULL;
+        return lws_write(wsi, file->text + LWS_PRE, file->size, LWS_WRITE_HTTP_FINAL) < 0
+                   ? -1
+                   : lws_http_transaction_completed(wsi);
+    }
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
-        return admit(s, wsi);
+        // 0: the client may have a websocket; 1: it was refused.
+        return has_good_host(wsi) && has_good_origin(wsi) && s->nclient < PM_VIEW_CLIENTS
+                   ? 0
+                   : -refuse(wsi, HTTP_STATUS_FORBIDDEN, "This page must not listen here.");
     case LWS_CALLBACK_ESTABLISHED:
         s->nclient += 1;
         lws_callback_on_writable(wsi);
@@ -161,8 +139,25 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_CLOSED:
         s->nclient -= 1;
         return 0;
-    case LWS_CALLBACK_SERVER_WRITEABLE:
-        return send_message(s, wsi, user);
+    case LWS_CALLBACK_SERVER_WRITEABLE: {
+        // Sends the next message to a client, if there is one, and asks for the time of another.
+        char *text = NULL;
+        size_t size = 0;
+        FILE *file = open_memstream(&text, &size);
+        if (file == NULL) {
+            return -1;
+        }
+        fprintf(file, "%*s", LWS_PRE, "");
+        const bool more = s->next(s->next_context, &c->progress, file);
+        bool good = fclose(file) == 0;
+        if (good && more) {
+            good = lws_write(wsi, (unsigned char *)text + LWS_PRE, size - LWS_PRE,
+                             LWS_WRITE_TEXT) >= 0;
+            lws_callback_on_writable(wsi);
+        }
+        free(text);
+        return good ? 0 : -1;
+    }
     default: // what a client sends is ignored
         return 0;
     }
@@ -170,31 +165,34 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 // --- opening ---
 
-static pm_status fail_memory(void) {
-    return pm_fail(PM_ENOMEM, "view: out of memory for the page");
-}
-
-// Joins the lines of a file.
-static pm_status load_file(page_file *file) {
-    size_t size = 0;
-    for (int i = 0; file->line[i] != NULL; ++i) {
-        size += strlen(file->line[i]);
+pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
+                              pm_view_next *next, void *context) {
+    pm_view_server *s = calloc(1, sizeof *s);
+    if (s == NULL) {
+        return pm_fail(PM_ENOMEM, "view: out of memory for the page");
     }
-    file->text = malloc(LWS_PRE + size + 1);
-    if (file->text == NULL) {
-        return fail_memory();
+    const page_file files[NFILE] = {
+        {.path = "/", .type = "text/html; charset=utf-8", .line = pm_view_html},
+        {.path = "/view.css", .type = "text/css; charset=utf-8", .line = pm_view_css},
+        {.path = "/view.js", .type = "text/javascript; charset=utf-8", .line = pm_view_js},
+    };
+    pm_status status;
+    s->next = next;
+    s->next_context = context;
+    memcpy(s->file, files, sizeof files);
+    for (int i = 0; i < NFILE; ++i) {
+        page_file *file = &s->file[i]; // its lines are joined
+        for (int k = 0; file->line[k] != NULL; ++k) {
+            file->size += strlen(file->line[k]);
+        }
+        file->text = malloc(LWS_PRE + file->size + 1);
+        PM_TRY_DONE(file->text == NULL ? pm_fail(PM_ENOMEM, "view: out of memory for the page")
+                                       : PM_OK);
+        char *at = (char *)file->text + LWS_PRE;
+        for (int k = 0; file->line[k] != NULL; ++k) {
+            at = stpcpy(at, file->line[k]);
+        }
     }
-    file->size = size;
-    char *at = (char *)file->text + LWS_PRE;
-    for (int i = 0; file->line[i] != NULL; ++i) {
-        const size_t count = strlen(file->line[i]);
-        memcpy(at, file->line[i], count + 1);
-        at += count;
-    }
-    return PM_OK;
-}
-
-static pm_status listen_on(pm_view_server *s, const char *address, int port) {
     static const struct lws_protocols protocols[] = {{.name = "portmet",
                                                       .callback = on_event,
                                                       .per_session_data_size = sizeof(connection),
@@ -213,33 +211,12 @@ static pm_status listen_on(pm_view_server *s, const char *address, int port) {
     lws_set_log_level(0, NULL);
     s->protocol = &protocols[0];
     s->context = lws_create_context(&info);
-    return s->context != NULL
-               ? PM_OK
-               : pm_fail(PM_ENET,
-                         "cannot listen on port %d of %s: it is in use, or no address of "
-                         "this host",
+    if (s->context == NULL) {
+        status = pm_fail(PM_ENET,
+                         "cannot listen on port %d of %s: it is in use, or no address of this host",
                          port, address);
-}
-
-pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
-                              pm_view_next *next, void *context) {
-    pm_view_server *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return fail_memory();
+        goto done;
     }
-    const page_file files[NFILE] = {
-        {.path = "/", .type = "text/html; charset=utf-8", .line = pm_view_html},
-        {.path = "/view.css", .type = "text/css; charset=utf-8", .line = pm_view_css},
-        {.path = "/view.js", .type = "text/javascript; charset=utf-8", .line = pm_view_js},
-    };
-    pm_status status;
-    s->next = next;
-    s->next_context = context;
-    memcpy(s->file, files, sizeof files);
-    for (int i = 0; i < NFILE; ++i) {
-        PM_TRY_DONE(load_file(&s->file[i]));
-    }
-    PM_TRY_DONE(listen_on(s, address, port));
     *server = s;
     return PM_OK;
 done:
@@ -272,6 +249,7 @@ static void on_timer(lws_sorted_usec_list_t *timer) {
 pm_status pm_view_server_serve(pm_view_server *server, double seconds,
                                const volatile sig_atomic_t *stop) {
     server->due = false;
+    lws_callback_on_writable_all_protocol(server->context, server->protocol); // offers new messages
     lws_sul_schedule(server->context, 0, &server->timer, on_timer, (lws_usec_t)(1e6 * seconds));
     while (!server->due && *stop == 0) {
         if (lws_service(server->context, 0) < 0 && *stop == 0) {
@@ -281,6 +259,25 @@ pm_status pm_view_server_serve(pm_view_server *server, double seconds,
     return PM_OK;
 }
 
-void pm_view_server_wake(pm_view_server *server) {
-    lws_callback_on_writable_all_protocol(server->context, server->protocol);
+#else // a program that was built without libwebsockets has no server
+
+pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
+                              pm_view_next *next, void *context) {
+    (void)server, (void)address, (void)next, (void)context;
+    return pm_fail(PM_ENET,
+                   "no page on port %d: this portmetd was built without libwebsockets "
+                   "(libwebsockets-dev); --udp works without it",
+                   port);
 }
+
+void pm_view_server_close(pm_view_server *server) {
+    (void)server;
+}
+
+pm_status pm_view_server_serve(pm_view_server *server, double seconds,
+                               const volatile sig_atomic_t *stop) {
+    (void)server, (void)seconds, (void)stop;
+    return PM_OK;
+}
+
+#endif

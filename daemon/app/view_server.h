@@ -18,7 +18,6 @@
 
 #include "base/status.h"
 
-#define PM_VIEW_PORT 8080  // unless the user gives another one
 #define PM_VIEW_CLIENTS 32 // websockets at a time
 
 // The messages that a client has received so far; all zero at the start.
@@ -40,11 +39,8 @@ pm_status pm_view_server_open(pm_view_server **server, const char *address, int 
                               pm_view_next *next, void *context);
 void pm_view_server_close(pm_view_server *server); // NULL is allowed
 
-// Serves for `seconds`, or until a signal arrives. PM_ENET.
+// Offers new messages to all clients and serves for `seconds`, or until a signal arrives. PM_ENET.
 pm_status pm_view_server_serve(pm_view_server *server, double seconds,
                                const volatile sig_atomic_t *stop);
-
-// Offers new messages to all clients.
-void pm_view_server_wake(pm_view_server *server);
 
 #endif

@@ -17,7 +17,8 @@ struct pm_arena_block {
 
 void *pm_arena_alloc(pm_arena *arena, size_t size) {
     const size_t alignment = sizeof(max_align_t);
-    if (size > SIZE_MAX / 2) {
+    if (arena->failed || size > SIZE_MAX / 2) {
+        arena->failed = true;
         return NULL;
     }
     size = (size + alignment - 1) / alignment * alignment;
@@ -26,6 +27,7 @@ void *pm_arena_alloc(pm_arena *arena, size_t size) {
         const size_t capacity = size > BLOCK_SIZE ? size : BLOCK_SIZE;
         block = calloc(1, sizeof *block + capacity);
         if (block == NULL) {
+            arena->failed = true;
             return NULL;
         }
         block->size = capacity;
@@ -38,24 +40,28 @@ void *pm_arena_alloc(pm_arena *arena, size_t size) {
 }
 
 void *pm_arena_array(pm_arena *arena, size_t count, size_t size) {
-    if (size != 0 && count > SIZE_MAX / size) {
-        return NULL;
-    }
-    return pm_arena_alloc(arena, count * size);
+    const bool overflows = size != 0 && count > SIZE_MAX / size;
+    return pm_arena_alloc(arena, overflows ? SIZE_MAX : count * size);
 }
 
 char *pm_arena_strdup(pm_arena *arena, const char *text) {
+    if (arena->failed) {
+        return NULL;
+    }
     const size_t size = strlen(text) + 1;
     char *copy = pm_arena_alloc(arena, size);
     return copy == NULL ? NULL : memcpy(copy, text, size);
 }
 
 char *pm_arena_printf(pm_arena *arena, const char *format, ...) {
+    if (arena->failed) {
+        return NULL;
+    }
     va_list arguments;
     va_start(arguments, format);
     const int length = vsnprintf(NULL, 0, format, arguments);
     va_end(arguments);
-    char *text = length < 0 ? NULL : pm_arena_alloc(arena, (size_t)length + 1);
+    char *text = pm_arena_alloc(arena, length < 0 ? SIZE_MAX : (size_t)length + 1);
     if (text != NULL) {
         va_start(arguments, format);
         vsnprintf(text, (size_t)length + 1, format, arguments);
@@ -64,10 +70,23 @@ char *pm_arena_printf(pm_arena *arena, const char *format, ...) {
     return text;
 }
 
+pm_status pm_arena_status(const pm_arena *arena, const char *what, ...) {
+    if (!arena->failed) {
+        return PM_OK;
+    }
+    char text[256];
+    va_list arguments;
+    va_start(arguments, what);
+    vsnprintf(text, sizeof text, what, arguments);
+    va_end(arguments);
+    return pm_fail(PM_ENOMEM, "out of memory for %s", text);
+}
+
 void pm_arena_free(pm_arena *arena) {
     while (arena->block != NULL) {
         pm_arena_block *next = arena->block->next;
         free(arena->block);
         arena->block = next;
     }
+    arena->failed = false;
 }

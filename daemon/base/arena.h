@@ -1,26 +1,56 @@
 // An arena makes many small allocations that belong to one owner and are freed together.
+//
+// A failed allocation marks the arena: all later allocations return NULL as well, and
+// pm_arena_status fails. A function that opens something therefore allocates all arrays, checks the
+// arena once, and fills them:
+//
+//     pm_status pm_thing_open(pm_thing *thing, int n, const char *name, pm_arena *arena) {
+//         thing->x = pm_arena_array(arena, (size_t)n, sizeof *thing->x);
+//         thing->index = pm_arena_array(arena, (size_t)n, sizeof *thing->index);
+//         thing->label = pm_arena_printf(arena, "thing %s", name);
+//         PM_TRY(pm_arena_status(arena, "a thing of %d numbers", n));
+//         for (int i = 0; i < n; ++i) {
+//             thing->index[i] = i;
+//         }
+//         return PM_OK;
+//     }
+//
+// Code between an allocation and the check must not follow the pointer. It may hand the pointer to
+// pm_arena_strdup or pm_arena_printf, because these read nothing once the arena is marked. An array
+// of pointers is filled after a check of its own.
 #ifndef PM_BASE_ARENA_H
 #define PM_BASE_ARENA_H
 
+#include <stdbool.h>
 #include <stddef.h>
+
+#include "base/status.h"
 
 typedef struct pm_arena_block pm_arena_block;
 
 // The caller owns the storage and initialises it with zeros. An arena is not thread-safe.
 typedef struct pm_arena {
     pm_arena_block *block; // the newest one, which links to the older ones
+    bool failed;           // an allocation failed
 } pm_arena;
 
-// Returns `size` bytes of zeroed memory, aligned for any type; NULL when memory is exhausted.
+// Returns `size` bytes of zeroed memory, aligned for any type; NULL when memory is exhausted, now
+// or in an earlier allocation of this arena.
 void *pm_arena_alloc(pm_arena *arena, size_t size);
 
-// Returns zeroed memory for `count` elements of `size` bytes; NULL when memory is exhausted or the
-// product overflows.
+// Returns zeroed memory for `count` elements of `size` bytes; NULL as above, or when the product
+// overflows, which marks the arena as well.
 void *pm_arena_array(pm_arena *arena, size_t count, size_t size);
 
-// Copy or format text into the arena; NULL when memory is exhausted.
+// Copy or format text into the arena; NULL as above.
 char *pm_arena_strdup(pm_arena *arena, const char *text);
 char *pm_arena_printf(pm_arena *arena, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+// Returns PM_OK if no allocation of this arena failed. Otherwise fails with PM_ENOMEM and the
+// description "out of memory for <what>", where `what` is a format for the arguments that follow
+// it.
+pm_status pm_arena_status(const pm_arena *arena, const char *what, ...)
     __attribute__((format(printf, 2, 3)));
 
 // Frees all memory of the arena, which may then be used again.

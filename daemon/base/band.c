@@ -82,21 +82,6 @@ static void substitute(int width, int left, const float *const *c, double *x) {
     }
 }
 
-// Does both for a single column, which is `column` and has x[0] as its unknown.
-static void eliminate_one(int width, int left, const float *column, double *x) {
-    x[0] /= column[0];
-    for (int i = 1; i < least(left, width + 1); ++i) {
-        x[i] -= column[i] * x[0];
-    }
-}
-
-static void substitute_one(int width, int left, const float *column, double *x) {
-    for (int i = 1; i < least(left, width + 1); ++i) {
-        x[0] -= column[i] * x[i];
-    }
-    x[0] /= column[0];
-}
-
 // Finds the columns from j on, such that c[k][i] is entry j + i of column j + k.
 static void find_columns(int width, const float *factor, int j, const float *c[COLUMNS]) {
     for (int k = 0; k < COLUMNS; ++k) {
@@ -113,10 +98,18 @@ void pm_band_solve(int n, int width, const float *factor, double *x) {
         eliminate(width, n - j, c, x + j);
     }
     for (int j = together; j < n; ++j) {
-        eliminate_one(width, n - j, factor + j * rows, x + j);
+        const float *column = factor + j * rows;
+        x[j] /= column[0];
+        for (int i = 1; i < least(n - j, width + 1); ++i) {
+            x[j + i] -= column[i] * x[j];
+        }
     }
     for (int j = n - 1; j >= together; --j) {
-        substitute_one(width, n - j, factor + j * rows, x + j);
+        const float *column = factor + j * rows;
+        for (int i = 1; i < least(n - j, width + 1); ++i) {
+            x[j] -= column[i] * x[j + i];
+        }
+        x[j] /= column[0];
     }
     for (int j = together - COLUMNS; j >= 0; j -= COLUMNS) {
         find_columns(width, factor, j, c);

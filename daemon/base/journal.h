@@ -8,6 +8,7 @@
 #define PM_BASE_JOURNAL_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "base/status.h"
 
@@ -44,5 +45,12 @@ __attribute__((format(printf, 5, 6))) void pm_journal_write(const pm_journal *lo
 // Passes on a line of text of the process `part`, as pm_journal_write wrote it there: as text with
 // the part in brackets in front, or as JSON. Empty lines are dropped.
 void pm_journal_pass_on(const pm_journal *log, const char *part, const char *line);
+
+// Writes `text` into `quoted` [size] as a JSON string with its quotation marks and a terminator,
+// and returns its length in bytes without the terminator. Quotation marks, backslashes and control
+// characters are escaped. A byte that is not part of a UTF-8 character, as in some file names,
+// becomes U+FFFD. A text for which `size` is too small is cut after a whole character. `size` is at
+// least 3.
+size_t pm_json_quote(char *quoted, size_t size, const char *text);
 
 #endif

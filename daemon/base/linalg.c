@@ -5,9 +5,9 @@
 #include <cblas.h>
 #include <math.h>
 #include <stddef.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "base/arena.h"
 #include "base/simd.h"
 
 #define CHOLESKY_BLOCK 64
@@ -207,8 +207,6 @@ bool pm_cholesky_solve(int n, double *h, double *b) {
     return true;
 }
 
-// LAPACK's Cholesky factor of a band, and its solution.
-
 // LAPACK's eigensolver, which stores matrices by columns.
 void dsyevr_(const char *job, const char *range, const char *triangle, const int *n, double *a,
              const int *lda, const double *lowest, const double *highest, const int *first,
@@ -220,10 +218,12 @@ bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector
     const int first = n - count + 1, nwork = 26 * n, niwork = 10 * n;
     const double unused = 0, tolerance = 0;
     int found = 0, info = 1;
-    double *work = malloc((size_t)nwork * sizeof *work), *all = malloc((size_t)n * sizeof *all);
-    int *iwork = malloc((size_t)niwork * sizeof *iwork);
-    int *support = malloc(2 * (size_t)n * sizeof *support);
-    if (work != NULL && all != NULL && iwork != NULL && support != NULL) {
+    pm_arena arena = {0};
+    double *work = pm_arena_array(&arena, (size_t)nwork, sizeof *work);
+    double *all = pm_arena_array(&arena, (size_t)n, sizeof *all);
+    int *iwork = pm_arena_array(&arena, (size_t)niwork, sizeof *iwork);
+    int *support = pm_arena_array(&arena, 2 * (size_t)n, sizeof *support);
+    if (!arena.failed) {
         // The upper triangle stored by rows is the lower one stored by columns.
         dsyevr_("V", "I", "L", &n, h, &n, &unused, &unused, &first, &n, &tolerance, &found, all,
                 vector, &n, support, work, &nwork, iwork, &niwork, &info);
@@ -240,9 +240,6 @@ bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector
             b[j] = kept;
         }
     }
-    free(work);
-    free(all);
-    free(iwork);
-    free(support);
+    pm_arena_free(&arena);
     return good;
 }

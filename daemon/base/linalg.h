@@ -1,9 +1,12 @@
 // Dense linear algebra on contiguous, row-major matrices of double. This is the only caller of
-// CBLAS and LAPACK. Functions allocate nothing unless they say so.
+// CBLAS and LAPACK. Functions allocate nothing unless they say so. An inner product has PM_LANES
+// partial sums: one register of the widest instruction set.
 #ifndef PM_BASE_LINALG_H
 #define PM_BASE_LINALG_H
 
 #include <stdbool.h>
+
+#include "base/lanes.h"
 
 // A product of up to this number of multiply-adds is computed here, in an order of sums that is the
 // same on every processor. A larger product takes longer than a call of BLAS costs, and therefore
@@ -11,8 +14,6 @@
 #define PM_SMALL_PRODUCT 4096
 // If a product a b^T has at least this many rows, pm_gemm transposes b into a buffer first.
 #define PM_MANY_ROWS 4
-// Number of partial sums of an inner product: one register of the widest instruction set.
-#define PM_LANES 8
 
 // Restricts BLAS to one thread; a program calls this once at its start. The threads of BLAS cost
 // more than they gain on small matrices and would change the order of sums.

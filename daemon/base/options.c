@@ -17,56 +17,17 @@ static void print_option(const char *brief, const char *name, const char *value,
     printf("  %-26s %s\n", left, help);
 }
 
-static void print_help(const pm_options *options) {
-    printf("Usage: %s\n\n%s\n\nOptions:\n", options->usage, options->summary);
-    for (int i = 0; i < options->count; ++i) {
-        const pm_option *o = &options->option[i];
-        print_option(o->brief, o->name, o->value, o->help);
-    }
-    print_option("-h", "--help", NULL, "print this and exit");
-    printf(
-        "\nA value may also follow an equals sign, as in --name=value. Arguments after -- are not\n"
-        "options.\n");
-}
-
-// Finds the option that `argument` names; NULL: there is none. `glued` points to a value that "="
-// joins to the name, or is NULL.
-static const pm_option *find(const pm_options *options, const char *argument, const char **glued) {
-    const char *equals = strchr(argument, '=');
-    const size_t length = equals == NULL ? strlen(argument) : (size_t)(equals - argument);
-    *glued = equals == NULL ? NULL : equals + 1;
-    for (int i = 0; i < options->count; ++i) {
-        const pm_option *o = &options->option[i];
-        const bool named = strlen(o->name) == length && strncmp(o->name, argument, length) == 0;
-        if (named || (o->brief != NULL && strcmp(o->brief, argument) == 0)) {
-            return o;
-        }
-    }
-    return NULL;
-}
-
-// Returns the number of names in "SCENE NAME".
-static int count_names(const char *names) {
-    int count = 1;
-    for (const char *at = names; *at != '\0'; ++at) {
-        count += *at == ' ';
-    }
-    return count;
-}
-
-// Returns the k-th name of "SCENE NAME", or the last one; `length` is its length.
-static const char *name_at(const char *names, int k, int *length) {
-    for (; k > 0 && strchr(names, ' ') != NULL; --k) {
-        names = strchr(names, ' ') + 1;
-    }
-    *length = (int)strcspn(names, " ");
-    return names;
-}
-
 // Stores argument number *i, and the value that follows it if it is an option with a value.
 static pm_status take_option(const pm_options *options, int argc, char **argv, int *i) {
-    const char *argument = argv[*i], *glued;
-    const pm_option *option = find(options, argument, &glued);
+    const char *argument = argv[*i], *equals = strchr(argument, '=');
+    const size_t length = equals == NULL ? strlen(argument) : (size_t)(equals - argument);
+    const char *glued = equals == NULL ? NULL : equals + 1; // a value that "=" joins to the name
+    const pm_option *option = NULL;
+    for (int k = 0; k < options->count && option == NULL; ++k) {
+        const pm_option *o = &options->option[k];
+        const bool named = strlen(o->name) == length && strncmp(o->name, argument, length) == 0;
+        option = named || (o->brief != NULL && strcmp(o->brief, argument) == 0) ? o : NULL;
+    }
     if (option == NULL) {
         return pm_fail(PM_EUSAGE, "%s: unknown option \"%s\"; --help lists the options", argv[0],
                        argument);
@@ -85,28 +46,50 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
     return PM_OK;
 }
 
+// Fails because of the number of positional arguments, `found`; `unexpected` is the first that is
+// too many, or NULL if one is missing.
 static pm_status fail_positional(const pm_options *options, const char *command, int found,
                                  const char *unexpected) {
     char detail[128];
-    int length;
-    const char *name = name_at(options->positional_name, found, &length);
+    const char *name = options->positional_name;
+    for (int k = found; k > 0 && strchr(name, ' ') != NULL; --k) {
+        name = strchr(name, ' ') + 1;
+    }
     if (unexpected != NULL) {
         snprintf(detail, sizeof detail, "unexpected \"%.80s\"", unexpected);
     } else {
-        snprintf(detail, sizeof detail, "%.*s is missing", length, name);
+        snprintf(detail, sizeof detail, "%.*s is missing", (int)strcspn(name, " "), name);
     }
     return pm_fail(PM_EUSAGE, "%s: expected %s, found %d argument%s (%s); usage: %s", command,
                    options->positional_name, found, found == 1 ? "" : "s", detail, options->usage);
 }
 
-// Reads all arguments; counts the positional ones and keeps as many as there is room for.
-static pm_status take_all(const pm_options *options, int argc, char **argv) {
-    const int names = count_names(options->positional_name);
+pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped) {
+    *helped = false;
+    for (int i = 1; i < argc; ++i) {
+        if (strcmp(argv[i], "--help") != 0 && strcmp(argv[i], "-h") != 0) {
+            continue;
+        }
+        printf("Usage: %s\n\n%s\n\nOptions:\n", options->usage, options->summary);
+        for (int k = 0; k < options->count; ++k) {
+            const pm_option *o = &options->option[k];
+            print_option(o->brief, o->name, o->value, o->help);
+        }
+        print_option("-h", "--help", NULL, "print this and exit");
+        printf("\nA value may also follow an equals sign, as in --name=value. Arguments after -- "
+               "are not\noptions.\n");
+        *helped = true;
+        return PM_OK;
+    }
+    // Keeps as many positional arguments as there is room for, and counts the others.
+    int names = 1, found = 0;
+    for (const char *at = options->positional_name; *at != '\0'; ++at) {
+        names += *at == ' ';
+    }
     const int least = options->least > 0 ? options->least : names;
     const int most = options->most > least ? options->most : least;
     const char *unexpected = NULL;
     bool only_positional = false;
-    int found = 0;
     for (int i = 1; i < argc; ++i) {
         const char *argument = argv[i];
         if (!only_positional && strcmp(argument, "--") == 0) {
@@ -119,20 +102,9 @@ static pm_status take_all(const pm_options *options, int argc, char **argv) {
             unexpected = argument;
         }
     }
-    return found >= least && found <= most ? PM_OK
-                                           : fail_positional(options, argv[0], found, unexpected);
-}
-
-pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped) {
-    *helped = false;
-    for (int i = 1; i < argc; ++i) {
-        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
-            print_help(options);
-            *helped = true;
-            return PM_OK;
-        }
+    if (found < least || found > most) {
+        return fail_positional(options, argv[0], found, unexpected);
     }
-    PM_TRY(take_all(options, argc, argv));
     for (int i = 0; i < options->count; ++i) {
         const pm_option *o = &options->option[i];
         if (o->required && *o->text == NULL) {

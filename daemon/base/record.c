@@ -46,9 +46,3 @@ void pm_record_put_int(pm_record *record, const char *name, int *value) {
     pm_record_put_long(record, name, &number);
     *value = (int)number;
 }
-
-void pm_record_put_bool(pm_record *record, const char *name, bool *value) {
-    double number = *value;
-    pm_record_put(record, name, &number, 1);
-    *value = number != 0;
-}

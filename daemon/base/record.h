@@ -40,6 +40,5 @@ void pm_record_put(pm_record *record, const char *name, double *value, int count
 // Put one number into the record in the same way. A whole number is exact up to 2^53 in magnitude.
 void pm_record_put_long(pm_record *record, const char *name, long *value);
 void pm_record_put_int(pm_record *record, const char *name, int *value);
-void pm_record_put_bool(pm_record *record, const char *name, bool *value);
 
 #endif

@@ -70,21 +70,6 @@ PM_SIMD_CLONES static void split(int64_t count, const double *x, bool magnitudes
     }
 }
 
-// Returns the unit of a piece.
-static double unit_of(int piece) {
-    return ldexp(1, PIECE_BITS * (piece - MIDDLE));
-}
-
-// Returns the first piece in which a number of this magnitude is not zero.
-static int top_of(double magnitude) {
-    int exponent;
-    frexp(magnitude, &exponent); // magnitude < 2^exponent
-    // The piece k rounds numbers below half its unit to zero.
-    const int steps = exponent + PIECE_BITS * MIDDLE;
-    const int top = steps > 0 ? steps / PIECE_BITS : 0;
-    return top < LEAST ? LEAST : top > MOST ? MOST : top;
-}
-
 // Makes `top` the first piece of the sum, if it is not below it.
 static void raise(pm_reproducible_sum *sum, double top) {
     for (; sum->top > 0 && sum->top < top; sum->top += 1) {
@@ -105,10 +90,20 @@ void pm_reproducible_sum_add(pm_reproducible_sum *sum, int64_t count, const doub
     if (most == 0) {
         return;
     }
-    raise(sum, isfinite(most) ? top_of(most) : MOST);
+    // The first piece in which a number of this magnitude is not zero: the piece k rounds numbers
+    // below half its unit to zero.
+    int exponent, top = MOST;
+    if (isfinite(most)) {
+        frexp(most, &exponent); // most < 2^exponent
+        const int steps = exponent + PIECE_BITS * MIDDLE;
+        top = steps > 0 ? steps / PIECE_BITS : 0;
+        top = top < LEAST ? LEAST : top > MOST ? MOST : top;
+    }
+    raise(sum, top);
     double rounder[PARTS];
     for (int k = 0; k < PARTS; ++k) {
-        rounder[k] = 0x1.8p52 * unit_of((int)sum->top - k);
+        rounder[k] =
+            0x1.8p52 * ldexp(1, PIECE_BITS * ((int)sum->top - k - MIDDLE)); // times its unit
     }
     split(count, x, magnitudes, rounder, sum->part);
 }

@@ -3,13 +3,6 @@
 
 #include <math.h>
 
-static uint64_t splitmix64(uint64_t *state) {
-    uint64_t x = *state += 0x9e3779b97f4a7c15u;
-    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-    return x ^ (x >> 31);
-}
-
 static uint64_t rotate_left(uint64_t x, int k) {
     return (x << k) | (x >> (64 - k));
 }
@@ -17,7 +10,10 @@ static uint64_t rotate_left(uint64_t x, int k) {
 void pm_rng_init(pm_rng *rng, uint64_t seed, uint64_t stream) {
     uint64_t state = seed ^ (stream * 0xd1342543de82ef95u);
     for (int i = 0; i < 4; ++i) {
-        rng->state[i] = splitmix64(&state);
+        uint64_t x = state += 0x9e3779b97f4a7c15u;
+        x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+        x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+        rng->state[i] = x ^ (x >> 31);
     }
 }
 

@@ -4,6 +4,7 @@
 #define PM_BASE_SUBCOMMAND_H
 
 #include <signal.h>
+#include <stdbool.h>
 
 #include "base/status.h"
 
@@ -17,17 +18,23 @@ typedef struct pm_subcommand {
 } pm_subcommand;
 
 typedef struct pm_subcommands {
-    const char *program; // such as "portmetd"
-    const char *about;   // a paragraph for the help
-    const char *codes;   // the exit codes, for the help
+    const char *program;     // such as "portmetd"
+    const char *about;       // a paragraph for the help
+    const char *codes;       // the exit codes, for the help
+    bool second_signal_ends; // a second signal of a kind ends the process at once
     int count;
     const pm_subcommand *command; // [count]
 } pm_subcommands;
 
 // Runs the subcommand that argv[1] names, or answers --help or --version. Prints one line on
 // standard error if that fails. Returns the exit code of the program, a pm_status.
-int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv,
-                       const volatile sig_atomic_t *stop);
+//
+// SIGINT, SIGTERM and SIGHUP set the flag `stop` of the subcommand to 1 for good, so that every
+// process ends through its own clean-up. SIGHUP stays ignored where it is ignored already, so that
+// nohup has its effect. SIGPIPE and SIGXFSZ are ignored: their causes are reported as errors of the
+// write that they belong to. The system does not restart a blocking call that one of the three
+// signals interrupts: the call fails with EINTR.
+int pm_subcommand_main(const pm_subcommands *commands, int argc, char **argv);
 
 // Ends what `program` does with `status`: writes what is left of standard output, and prints one
 // line on standard error if that or the program failed, unless the message is empty because it was

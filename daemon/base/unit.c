@@ -83,18 +83,6 @@ static const symbol *find_prefixed(const char *name, size_t length, double *fact
     return found;
 }
 
-// Multiplies the unit by a power of the symbol `s` with the prefix `factor`.
-static void multiply_by(pm_unit *unit, const symbol *s, double factor, int power) {
-    for (int k = 0; k < PM_UNIT_BASES; ++k) {
-        unit->power[k] += power * s->power[k];
-    }
-    unit->factor *= pow(factor * s->factor, power);
-}
-
-static bool is_degree(const symbol *s) {
-    return strcmp(s->name, "deg") == 0 || strcmp(s->name, "\xc2\xb0") == 0;
-}
-
 // Multiplies the unit by a power of the symbol `name` with `length` letters. A text such as "Nms"
 // or "mAh", which is no symbol, is a product of symbols. Only the first of them may have a prefix,
 // and the power belongs to the last.
@@ -110,10 +98,16 @@ static bool multiply(pm_unit *unit, const char *name, size_t length, int sign, i
                 break;
             }
         }
-        if (s == NULL || (head < length && is_degree(s))) { // "degC" has an offset
+        const bool is_degree =
+            s != NULL && (strcmp(s->name, "deg") == 0 || strcmp(s->name, "\xc2\xb0") == 0);
+        if (s == NULL || (head < length && is_degree)) { // "degC" has an offset
             return false;
         }
-        multiply_by(unit, s, first ? factor : 1, sign * (head == length ? power : 1));
+        const int times = sign * (head == length ? power : 1);
+        for (int k = 0; k < PM_UNIT_BASES; ++k) {
+            unit->power[k] += times * s->power[k];
+        }
+        unit->factor *= pow((first ? factor : 1) * s->factor, times);
         name += head;
         length -= head;
         first = false;
@@ -177,17 +171,6 @@ static bool take_power(const char **text, int *power) {
     return true;
 }
 
-// Reads a symbol with its power; `sign` is -1 after a '/'.
-static bool take_symbol(pm_unit *unit, const char **text, int sign) {
-    const char *name = *text, *end = name;
-    int power = 1;
-    while (is_letter(end)) {
-        ++end;
-    }
-    *text = end;
-    return take_power(text, &power) && multiply(unit, name, (size_t)(end - name), sign, power);
-}
-
 pm_unit pm_unit_parse(const char *text) {
     pm_unit unit = {.known = true, .factor = 1};
     int sign = 1, within = 1; // for the next symbol; for symbols in parentheses
@@ -212,7 +195,14 @@ pm_unit pm_unit_parse(const char *text) {
         } else if (*text == '1' && !isdigit((unsigned char)text[1])) {
             ++text; // a number, as in "1/s"
         } else {
-            unit.known = is_letter(text) && take_symbol(&unit, &text, sign);
+            const char *name = text;
+            int power = 1;
+            while (is_letter(text)) {
+                ++text;
+            }
+            const size_t length = (size_t)(text - name);
+            unit.known = length > 0 && take_power(&text, &power) &&
+                         multiply(&unit, name, length, sign, power);
             sign = inside ? within : 1;
         }
     }

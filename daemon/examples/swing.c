@@ -21,7 +21,7 @@ static void answer(const lcm_recv_buf_t *buffer, const char *channel, const port
                    void *context) {
     (void)buffer;
     (void)channel;
-    const double time = tick->t0 + (double)tick->granted * tick->dt;
+    const double time = (double)tick->granted * tick->dt;
     double velocity[2] = {AMPLITUDE * FREQUENCY * cos(FREQUENCY * time), 0}; // m/s
     const portmet_input_t input = {.step = tick->granted, .n = 2, .value = velocity};
     portmet_input_t_publish(context, "PIVOT", &input);

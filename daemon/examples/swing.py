@@ -17,7 +17,7 @@ url = sys.argv[1] if len(sys.argv) > 1 else "udpm://239.255.76.67:7667?ttl=0"
 listener = portmet.Listener(url, channels="live_double_pendulum_TICK$")
 for message in listener:
     tick = message.content
-    time = tick.t0 + tick.granted * tick.dt
+    time = tick.granted * tick.dt
     answer = input_t()
     answer.step = tick.granted
     answer.value = [AMPLITUDE * FREQUENCY * math.cos(FREQUENCY * time), 0.0]  # m/s

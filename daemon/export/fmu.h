@@ -8,7 +8,7 @@
 // Writes the FMU of a completed setup to the file `path`, which is replaced. Sets *compiled to true
 // if the FMU holds a binary. Where there is no C compiler (the command in the environment variable
 // CC, or cc), the FMU holds only sources, which importers compile themselves. Fails as
-// pm_export_source does, and with PM_EFILE.
+// pm_export_c does.
 pm_status pm_export_fmu(const pm_setup *setup, const char *path, bool *compiled);
 
 #endif

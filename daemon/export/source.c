@@ -1,380 +1,573 @@
-// Puts the functions of all subsystems and ports together in the order of monolithic.c.
+// Writes the functions of all subsystems and ports and puts them together in the order of
+// monolithic.c. The texts around them stand in the folder text.
+//
+// The functions are written from the same graph expressions that portmetd evaluates (model/part.h,
+// model/port.h). Each that is not a potential has a second version, the tangent, that multiplies
+// its Jacobian by a direction. Subsystems with the same model and weights share their functions.
 #include "export/source.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-#include "export/functions.h"
-#include "export/header.h"
+#include "base/template.h"
 #include "graph/source.h"
+#include "library/names.h"
+#include "model/prediction.h"
+
+#define MOST_ARGUMENTS 6
+
+// The texts, which the build embeds as arrays of lines that end with NULL.
+extern const char *const pm_export_source_text[];
+extern const char *const pm_export_header_text[];
+
+// The names of the functions of one subsystem. NULL: what the function computes is zero. With z,
+// dE, dS and rate [nz]:
+//     potentials(z, E, S)             E [1] in J, S [1] in J/K
+//     coenergies(z, dE, dS)
+//     bulk(z, dE, dS, rate)           L dE + M dS
+// The arguments of a tangent are those of its function, except that each input is followed by its
+// direction: "d_z" follows "z". The results are then the Jacobian times the direction.
+typedef struct exported_part {
+    const char *potentials, *coenergies, *coenergies_tangent, *bulk, *bulk_tangent;
+} exported_part;
+
+// The names of the functions of one port: law(y_a, e_a, eta_a, y_b, e_b, eta_b, rate_a, rate_b),
+// and its tangent. NULL: the port has no effect.
+typedef struct exported_port {
+    const char *law, *law_tangent;
+    int first; // position of the port's rates, end a before end b
+} exported_port;
+
+typedef struct exported_function {
+    const char *name, *text; // text: all that follows the name
+    struct exported_function *older;
+} exported_function;
 
 typedef struct scene_writer {
-    FILE *file;
     const pm_setup *setup;
     const pm_scene *scene;
     pm_arena arena;
-    pm_export_functions functions;
-    const int *port_first; // [nport] position of a port's rates, end a before end b
+    exported_function *written; // the newest one, which links to the older ones
+    exported_part *part;        // [nsubsystem]
+    exported_port *port;        // [nport]
+    pm_scene_variables names;
+    char *functions; // all functions, as text
 } scene_writer;
 
-pm_status pm_export_check(const pm_scene *scene) {
-    const pm_integrator *rk = scene->integrator;
-    if (rk->discrete || rk->multirate || rk->balanced) {
-        return pm_fail(PM_ECONFIG,
-                       "%s: integrator %s cannot be exported: expected euler, heun, rk4 or rk6",
-                       scene->integrator_at, rk->name);
-    }
-    if (scene->tolerance > 0) {
-        return pm_fail(PM_ECONFIG,
-                       "scene %s has a tolerance: an exported scene has a fixed number of substeps",
-                       scene->name);
-    }
-    return PM_OK;
+// --- functions ---
+
+// A function to write: its inputs and its results.
+typedef struct blueprint {
+    pm_graph *g;
+    int nin, nout;
+    pm_source_argument input[2 * MOST_ARGUMENTS], output[2];
+} blueprint;
+
+static void add_input(blueprint *b, const char *name, pm_node node, int size) {
+    b->input[b->nin++] = (pm_source_argument){name, node, size};
 }
 
-// --- the rates of all subsystems ---
+static void add_output(blueprint *b, const char *name, pm_node node, int size) {
+    // A result may be shared by all items of a batch, or a number for all columns.
+    const pm_shape shape = {true, 1, size};
+    b->output[b->nout++] = (pm_source_argument){
+        name, node == PM_NO_NODE ? PM_NO_NODE : pm_broadcast_to(b->g, node, shape), size};
+}
+
+// Replaces each result y by its derivative along a direction of all inputs, sum_x dy/dx d_x.
+// Reverse accumulation gives s -> s^T dy/dx for any s; it is linear in s, so that its own
+// derivative by s along d_x is dy/dx d_x.
+static void take_tangent(blueprint *b, pm_arena *arena) {
+    pm_source_argument value[MOST_ARGUMENTS];
+    const int n = b->nin;
+    memcpy(value, b->input, (size_t)n * sizeof *value);
+    b->nin = 0;
+    pm_node direction[MOST_ARGUMENTS];
+    for (int i = 0; i < n; ++i) {
+        const char *name = pm_arena_printf(arena, "d_%s", value[i].name);
+        direction[i] =
+            value[i].node == PM_NO_NODE ? PM_NO_NODE : pm_input(b->g, true, 1, value[i].size);
+        add_input(b, value[i].name, value[i].node, value[i].size);
+        add_input(b, name, direction[i], value[i].size);
+    }
+    for (int k = 0; k < b->nout; ++k) {
+        pm_node sum = PM_NO_NODE;
+        for (int i = 0; i < n && b->output[k].node != PM_NO_NODE; ++i) {
+            const pm_node seed = pm_input(b->g, true, 1, b->output[k].size);
+            pm_node slope = PM_NO_NODE, along = PM_NO_NODE;
+            if (value[i].node != PM_NO_NODE) {
+                pm_gradient(b->g, b->output[k].node, seed, 1, &value[i].node, &slope);
+            }
+            if (slope != PM_NO_NODE) {
+                pm_gradient(b->g, slope, direction[i], 1, &seed, &along);
+            }
+            sum = pm_add_or(b->g, sum, along);
+        }
+        b->output[k].node = sum;
+    }
+}
+
+// Writes the function OWNER_WHAT, or finds an equal one; *used is the name of either.
+static pm_status write_function(scene_writer *w, FILE *file, const blueprint *b, const char *owner,
+                                const char *what, const char **used) {
+    char *text = NULL;
+    size_t size = 0;
+    FILE *memory = open_memstream(&text, &size);
+    pm_status status = memory == NULL
+                           ? pm_fail(PM_ENOMEM, "out of memory for a source file")
+                           : pm_source_write(memory, b->g, b->nin, b->input, b->nout, b->output);
+    if (memory != NULL && fclose(memory) != 0 && status == PM_OK) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a source file");
+    }
+    const exported_function *found = w->written;
+    while (status == PM_OK && found != NULL && strcmp(found->text, text) != 0) {
+        found = found->older;
+    }
+    if (status == PM_OK && found == NULL) {
+        exported_function *function = pm_arena_alloc(&w->arena, sizeof *function);
+        const char *name = pm_arena_printf(&w->arena, "%s_%s", owner, what);
+        const char *kept = pm_arena_strdup(&w->arena, text);
+        status = pm_arena_status(&w->arena, "a source file");
+        if (status == PM_OK) {
+            *function = (exported_function){name, kept, w->written};
+            found = w->written = function;
+            fprintf(file, "\nstatic void %s%s", name, text);
+        }
+    }
+    if (status == PM_OK) {
+        *used = found->name;
+    }
+    free(text);
+    return status;
+}
+
+// Writes a function and its tangent.
+static pm_status write_both(scene_writer *w, FILE *file, blueprint *b, const char *owner,
+                            const char *what, const char **name, const char **tangent) {
+    PM_TRY(write_function(w, file, b, owner, what, name));
+    take_tangent(b, &w->arena);
+    const char *of_tangent = pm_arena_printf(&w->arena, "%s_tangent", what);
+    PM_TRY(pm_arena_status(&w->arena, "a source file"));
+    return write_function(w, file, b, owner, of_tangent, tangent);
+}
+
+static pm_status write_part(scene_writer *w, FILE *file, int id) {
+    const pm_part *part = w->setup->system->part[id];
+    const int nz = part->layout.nz;
+    const char *owner = pm_arena_printf(&w->arena, "part_%s", w->scene->physics.subsystem[id].name);
+    blueprint b[3] = {0};
+    pm_node z[3], dE, dS, degeneracy = PM_NO_NODE;
+    pm_status status;
+    for (int i = 0; i < 3; ++i) {
+        PM_TRY_DONE(pm_graph_open(&b[i].g));
+        z[i] = pm_input(b[i].g, true, 1, nz);
+        add_input(&b[i], "z", z[i], nz);
+    }
+    add_output(&b[0], "E", pm_part_energy(b[0].g, part, z[0]), 1);
+    add_output(&b[0], "S", pm_part_entropy(b[0].g, part, z[0]), 1);
+    PM_TRY_DONE(write_function(w, file, &b[0], owner, "potentials", &w->part[id].potentials));
+    pm_part_coenergies(b[1].g, part, PM_NO_NODE, z[1], &dE, &dS);
+    add_output(&b[1], "dE", dE, nz);
+    add_output(&b[1], "dS", dS, nz);
+    PM_TRY_DONE(write_both(w, file, &b[1], owner, "coenergies", &w->part[id].coenergies,
+                           &w->part[id].coenergies_tangent));
+    const bool has_dS = dS != PM_NO_NODE;
+    dE = pm_input(b[2].g, true, 1, nz);
+    dS = has_dS ? pm_input(b[2].g, true, 1, nz) : PM_NO_NODE;
+    const pm_node rate = pm_part_bulk(b[2].g, part, z[2], dE, dS, &degeneracy);
+    if (rate != PM_NO_NODE) {
+        add_input(&b[2], "dE", dE, nz);
+        add_input(&b[2], "dS", dS, nz);
+        add_output(&b[2], "rate", rate, nz);
+        status =
+            write_both(w, file, &b[2], owner, "bulk", &w->part[id].bulk, &w->part[id].bulk_tangent);
+    }
+done:
+    for (int i = 0; i < 3; ++i) {
+        pm_graph_close(b[i].g);
+    }
+    return status;
+}
+
+static pm_status write_port(scene_writer *w, FILE *file, int id) {
+    static const char *const names[2][3] = {{"y_a", "e_a", "eta_a"}, {"y_b", "e_b", "eta_b"}};
+    const pm_system *system = w->setup->system;
+    const pm_port_model *model = system->port[id];
+    blueprint b = {0};
+    pm_port_nodes end[2];
+    PM_TRY(pm_graph_open(&b.g));
+    for (int i = 0; i < 2; ++i) {
+        const int ny = model->layout[i].nz;
+        const bool entropy = pm_system_end_has_entropy(system, id, i);
+        end[i] = (pm_port_nodes){pm_input(b.g, true, 1, ny), pm_input(b.g, true, 1, ny),
+                                 entropy ? pm_input(b.g, true, 1, ny) : PM_NO_NODE, PM_NO_NODE};
+        add_input(&b, names[i][0], end[i].y, ny);
+        add_input(&b, names[i][1], end[i].e, ny);
+        add_input(&b, names[i][2], end[i].eta, ny);
+    }
+    pm_node rate[2], next, degeneracy = PM_NO_NODE;
+    for (int i = 0; i < 2; ++i) {
+        pm_port_nodes both[2] = {end[0], end[1]};
+        rate[i] = pm_port_rate(b.g, model, (pm_end)i, both, PM_NO_NODE, &next, &degeneracy);
+    }
+    pm_status status = PM_OK;
+    if (rate[0] != PM_NO_NODE || rate[1] != PM_NO_NODE) {
+        add_output(&b, "rate_a", rate[0], model->layout[0].nz);
+        add_output(&b, "rate_b", rate[1], model->layout[1].nz);
+        const char *owner = pm_arena_printf(&w->arena, "port_%s", w->scene->physics.port[id].name);
+        status = write_both(w, file, &b, owner, "law", &w->port[id].law, &w->port[id].law_tangent);
+    }
+    pm_graph_close(b.g);
+    return status;
+}
+
+// Writes what all functions need, the sizes, and all functions to w->functions.
+static pm_status write_functions(scene_writer *w) {
+    const pm_physics *physics = &w->scene->physics;
+    const char *owner = "";
+    int rates = 0;
+    for (int i = 0; i < physics->nport; ++i) {
+        w->port[i].first = rates;
+        rates += physics->port[i].layout[0].nz + physics->port[i].layout[1].nz;
+    }
+    size_t size = 0;
+    FILE *file = open_memstream(&w->functions, &size);
+    if (file == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a source file");
+    }
+    pm_source_prelude(file);
+    fprintf(file, "\nenum { STATES = %d, SUBSYSTEMS = %d, PORT_RATES = %d };\n", physics->nz,
+            physics->nsubsystem, rates + 1);
+    pm_status status = PM_OK;
+    for (int i = 0; i < physics->nsubsystem && status == PM_OK; ++i) {
+        owner = physics->subsystem[i].name;
+        status = write_part(w, file, i);
+    }
+    for (int i = 0; i < physics->nport && status == PM_OK; ++i) {
+        owner = physics->port[i].name;
+        status = write_port(w, file, i);
+    }
+    if (fclose(file) != 0 && status == PM_OK) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a source file");
+    }
+    return status == PM_ECONFIG ? pm_fail(status, "%s: %s", owner, pm_error()) : status;
+}
+
+// --- values of the texts ---
+
+// A part of the source that has a second version, the tangent.
+typedef struct section {
+    const scene_writer *w;
+    const char *d; // in front of the names of results: "", or "d_" for the tangent
+} section;
+
+static void write_text(FILE *file, const void *context) {
+    fputs(context, file);
+}
 
 // Writes the arrays that one end of a port shows: numbers of z, dE and dS, or of the inputs u.
-// `prefix` is "" or, for a direction, "d_".
-static void write_end(scene_writer *w, const pm_scene_port *port, int end, const char *prefix) {
+static void write_end(FILE *file, const scene_writer *w, const pm_scene_port *port, int end,
+                      const char *d) {
     static const char *const names[] = {"y", "e", "eta"};
     static const char *const arrays[] = {"z", "dE", "dS"};
+    const pm_physics *physics = &w->scene->physics;
     const int subsystem = port->subsystem[end];
     for (int k = 0; k < 3; ++k) {
-        fprintf(w->file, "        const double %s%s_%c[] = {", prefix, names[k], 'a' + end);
+        fprintf(file, "        const double %s%s_%c[] = {", d, names[k], 'a' + end);
         for (int c = 0; c < port->layout[end].nz; ++c) {
             const int at = port->component[end][c];
             const char *comma = c == 0 ? "" : ", ";
             if (subsystem >= 0) {
-                fprintf(w->file, "%s%s%s[%d]", comma, prefix, arrays[k],
-                        w->scene->subsystem[subsystem].first + at);
+                fprintf(file, "%s%s%s[%d]", comma, d, arrays[k],
+                        physics->subsystem[subsystem].first + at);
             } else {
                 const pm_scene_boundary_input *b =
-                    &w->scene->boundary_input[port->boundary_input[end]];
-                fprintf(w->file, "%s%su[%d]", comma, prefix, b->first + k * b->layout.nz + at);
+                    &physics->boundary_input[port->boundary_input[end]];
+                fprintf(file, "%s%su[%d]", comma, d, b->first + k * b->layout.nz + at);
             }
         }
-        fputs("};\n", w->file);
+        fputs("};\n", file);
     }
 }
 
-static void write_law(scene_writer *w, int id, bool tangent) {
-    const pm_scene_port *port = &w->scene->port[id];
-    const pm_export_port *f = &w->functions.port[id];
-    if (f->law == NULL) {
-        return;
-    }
-    fputs("    {\n", w->file);
-    for (int end = 0; end < 2; ++end) {
-        write_end(w, port, end, "");
+// Writes the body of evaluate() or of its tangent.
+static void write_rates(FILE *file, const void *context) {
+    const section *s = context;
+    const scene_writer *w = s->w;
+    const pm_physics *physics = &w->scene->physics;
+    const bool tangent = *s->d != '\0';
+    for (int id = 0; id < physics->nsubsystem; ++id) {
+        const exported_part *f = &w->part[id];
+        const int i = physics->subsystem[id].first;
         if (tangent) {
-            write_end(w, port, end, "d_");
+            fprintf(file, "    %s(z + %d, d_z + %d, d_dE + %d, d_dS + %d);\n",
+                    f->coenergies_tangent, i, i, i, i);
+        } else {
+            fprintf(file, "    %s(z + %d, dE + %d, dS + %d);\n", f->coenergies, i, i, i);
+        }
+        if (f->bulk == NULL) {
+            fprintf(file, "    memset(%srate + %d, 0, %d * sizeof *z);\n", s->d, i,
+                    physics->subsystem[id].layout.nz);
+        } else if (tangent) {
+            fprintf(file,
+                    "    %s(z + %d, d_z + %d, dE + %d, d_dE + %d, dS + %d, d_dS + %d, d_rate + "
+                    "%d);\n",
+                    f->bulk_tangent, i, i, i, i, i, i, i);
+        } else {
+            fprintf(file, "    %s(z + %d, dE + %d, dS + %d, rate + %d);\n", f->bulk, i, i, i, i);
         }
     }
-    const int first = w->port_first[id], second = first + port->layout[0].nz;
-    if (tangent) {
-        fprintf(w->file,
-                "        %s(y_a, d_y_a, e_a, d_e_a, eta_a, d_eta_a, y_b, d_y_b, e_b, d_e_b, eta_b, "
-                "d_eta_b,\n            d_port + %d, d_port + %d);\n",
-                f->law_tangent, first, second);
-    } else {
-        fprintf(w->file, "        %s(y_a, e_a, eta_a, y_b, e_b, eta_b, port + %d, port + %d);\n",
-                f->law, first, second);
-    }
-    fputs("    }\n", w->file);
-}
-
-static void write_part(scene_writer *w, int id, bool tangent) {
-    const pm_scene_subsystem *s = &w->scene->subsystem[id];
-    const pm_export_part *f = &w->functions.part[id];
-    const int i = s->first;
-    if (tangent) {
-        fprintf(w->file, "    %s(z + %d, d_z + %d, d_dE + %d, d_dS + %d);\n", f->coenergies_tangent,
-                i, i, i, i);
-    } else {
-        fprintf(w->file, "    %s(z + %d, dE + %d, dS + %d);\n", f->coenergies, i, i, i);
-    }
-    if (f->bulk == NULL) {
-        fprintf(w->file, "    memset(%s + %d, 0, %d * sizeof *z);\n", tangent ? "d_rate" : "rate",
-                i, s->layout.nz);
-    } else if (tangent) {
-        fprintf(w->file,
-                "    %s(z + %d, d_z + %d, dE + %d, d_dE + %d, dS + %d, d_dS + %d, d_rate + %d);\n",
-                f->bulk_tangent, i, i, i, i, i, i, i);
-    } else {
-        fprintf(w->file, "    %s(z + %d, dE + %d, dS + %d, rate + %d);\n", f->bulk, i, i, i, i);
-    }
-}
-
-// Adds the rates of all ports to those of a subsystem, in the order of ports.
-static void write_sums(scene_writer *w, int id, const char *prefix) {
-    for (int i = 0; i < w->scene->nport; ++i) {
-        const pm_scene_port *port = &w->scene->port[i];
-        int at = w->port_first[i];
-        for (int end = 0; end < 2; at += port->layout[end].nz, ++end) {
-            if (port->subsystem[end] != id || w->functions.port[i].law == NULL) {
-                continue;
-            }
-            for (int c = 0; c < port->layout[end].nz; ++c) {
-                fprintf(w->file, "    %srate[%d] += %sport[%d];\n", prefix,
-                        w->scene->subsystem[id].first + port->component[end][c], prefix, at + c);
+    for (int id = 0; id < physics->nport; ++id) {
+        const pm_scene_port *port = &physics->port[id];
+        const exported_port *f = &w->port[id];
+        if (f->law == NULL) {
+            continue;
+        }
+        fputs("    {\n", file);
+        for (int end = 0; end < 2; ++end) {
+            write_end(file, w, port, end, "");
+            if (tangent) {
+                write_end(file, w, port, end, s->d);
             }
         }
+        if (tangent) {
+            fprintf(file,
+                    "        %s(y_a, d_y_a, e_a, d_e_a, eta_a, d_eta_a, y_b, d_y_b, e_b, d_e_b, "
+                    "eta_b, d_eta_b,\n            ",
+                    f->law_tangent);
+        } else {
+            fprintf(file, "        %s(y_a, e_a, eta_a, y_b, e_b, eta_b, ", f->law);
+        }
+        fprintf(file, "%sport + %d, %sport + %d);\n    }\n", s->d, f->first, s->d,
+                f->first + port->layout[0].nz);
     }
-}
-
-static void write_rates(scene_writer *w, bool tangent) {
-    if (tangent) {
-        fputs("\n// The derivatives of all these along the direction d_z, d_u.\n"
-              "static void evaluate_tangent(const double *z, const double *d_z, const double *u, "
-              "const double *d_u,\n    const double *dE, const double *dS, double *d_dE, "
-              "double *d_dS, double *d_rate, double *d_port) {\n    (void)u;\n    (void)d_u;\n    "
-              "(void)d_port;\n",
-              w->file);
-    } else {
-        fputs("\n// The co-energies, the rates of the state, and the rates through every end of a "
-              "port.\nstatic void evaluate(const double *z, const double *u, double *dE, double "
-              "*dS, double *rate,\n    double *port) {\n    (void)u;\n    (void)port;\n",
-              w->file);
-    }
-    for (int i = 0; i < w->scene->nsubsystem; ++i) {
-        write_part(w, i, tangent);
-    }
-    for (int i = 0; i < w->scene->nport; ++i) {
-        write_law(w, i, tangent);
-    }
-    for (int i = 0; i < w->scene->nsubsystem; ++i) {
-        write_sums(w, i, tangent ? "d_" : "");
-    }
-    fputs("}\n", w->file);
-}
-
-// --- stepping ---
-
-// Writes to = z + h sum_i weight_i k_i over the first n stages.
-static void write_combination(scene_writer *w, int n, const double *weight, const char *to) {
-    fprintf(w->file, "        for (int i = 0; i < STATES; ++i) {\n            %s[i] = z[i] + ", to);
-    fputs("h * (0.0", w->file);
-    for (int i = 0; i < n; ++i) {
-        if (weight[i] != 0) {
-            fputs(" + ", w->file);
-            pm_source_number(w->file, weight[i]);
-            fprintf(w->file, " * k[%d][i]", i);
+    // The rates of all ports are added to those of each subsystem, in the order of ports.
+    for (int id = 0; id < physics->nsubsystem; ++id) {
+        for (int i = 0; i < physics->nport; ++i) {
+            const pm_scene_port *port = &physics->port[i];
+            int at = w->port[i].first;
+            for (int end = 0; end < 2; at += port->layout[end].nz, ++end) {
+                if (port->subsystem[end] != id || w->port[i].law == NULL) {
+                    continue;
+                }
+                for (int c = 0; c < port->layout[end].nz; ++c) {
+                    fprintf(file, "    %srate[%d] += %sport[%d];\n", s->d,
+                            physics->subsystem[id].first + port->component[end][c], s->d, at + c);
+                }
+            }
         }
     }
-    fputs(");\n        }\n", w->file);
 }
 
-static void write_advance(scene_writer *w) {
-    const pm_integrator *rk = w->scene->integrator;
-    fprintf(w->file,
-            "\nvoid %s_advance(%s *s, double h, int substeps) {\n    double *z = s->z;\n"
-            "    double k[%d][STATES], %sdE[STATES], dS[STATES], port[PORT_RATES];\n"
-            "    for (int substep = 0; substep < substeps; ++substep) {\n",
-            w->scene->name, w->scene->name, rk->nstage, rk->nstage > 1 ? "next[STATES], " : "");
-    for (int stage = 0; stage < rk->nstage; ++stage) {
-        if (stage > 0) {
-            write_combination(w, stage, rk->a[stage], "next");
-        }
-        fprintf(w->file, "        evaluate(%s, s->u, dE, dS, k[%d], port);\n",
-                stage == 0 ? "z" : "next", stage);
-    }
-    write_combination(w, rk->nstage, rk->b, "z");
-    fputs("    }\n    s->time += h * substeps;\n}\n", w->file);
-}
-
-static void write_step(scene_writer *w) {
-    const pm_scene *scene = w->scene;
-    write_advance(w);
-    fprintf(w->file, "\nvoid %s_step(%s *s) {\n    %s_advance(s, ", scene->name, scene->name,
-            scene->name);
-    pm_source_number(w->file, scene->dt / scene->substeps);
-    fprintf(w->file, ", %d);\n    ++s->step;\n    s->time = ", scene->substeps);
-    pm_source_number(w->file, scene->dt);
-    fputs(" * (double)s->step;\n}\n", w->file);
-}
-
-static void write_initial(scene_writer *w) {
-    fputs("\nstatic const double initial[STATES] = {", w->file);
-    for (int i = 0; i < w->scene->nz; ++i) {
-        fputs(i == 0 ? "" : ", ", w->file);
-        pm_source_number(w->file, w->setup->initial[i]);
-    }
-    fputs("};\n", w->file);
-    const int n = w->scene->nprescribed;
-    double *u = pm_arena_array(&w->arena, (size_t)n, sizeof *u);
-    if (u != NULL && n > 0) {
-        pm_boundary_input_at(&w->setup->boundary_input, 0, 0, u);
-    }
-    fprintf(w->file, "static const double first_input[%d] = {", n + 1);
-    for (int i = 0; u != NULL && i < n; ++i) {
-        pm_source_number(w->file, u[i]);
-        fputs(", ", w->file);
-    }
-    fprintf(w->file,
-            "0.0};\n\nvoid %s_init(%s *s) {\n    s->time = 0;\n    s->step = 0;\n"
-            "    memcpy(s->z, initial, sizeof s->z);\n"
-            "    memcpy(s->u, first_input, sizeof s->u);\n}\n",
-            w->scene->name, w->scene->name);
-}
-
-// --- what it shows ---
-
-static void write_potentials(scene_writer *w) {
-    for (int i = 0; i < w->scene->nsubsystem; ++i) {
-        fprintf(w->file, "    %s(z + %d, energy + %d, entropy + %d);\n",
-                w->functions.part[i].potentials, w->scene->subsystem[i].first, i, i);
-    }
-}
-
-// Writes flux[..] = sum e * rate for both ends of every port. With `tangent`, its derivative.
-static void write_fluxes(scene_writer *w, bool tangent) {
+// Writes the energies, entropies and fluxes, or their derivatives.
+static void write_outputs(FILE *file, const void *context) {
     static const char *const co[] = {"dE", "dS"};
-    for (int i = 0; i < w->scene->nport; ++i) {
-        const pm_scene_port *port = &w->scene->port[i];
-        int at = w->port_first[i];
+    const section *s = context;
+    const scene_writer *w = s->w;
+    const pm_physics *physics = &w->scene->physics;
+    const bool tangent = *s->d != '\0';
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        if (tangent) { // the sums of dE d_z and dS d_z
+            fprintf(file,
+                    "    for (int i = %d; i < %d; ++i) {\n"
+                    "        d_energy[%d] += dE[i] * d_z[i];\n"
+                    "        d_entropy[%d] += dS[i] * d_z[i];\n    }\n",
+                    subsystem->first, subsystem->first + subsystem->layout.nz, i, i);
+        } else {
+            fprintf(file, "    %s(z + %d, energy + %d, entropy + %d);\n", w->part[i].potentials,
+                    subsystem->first, i, i);
+        }
+    }
+    // The flux is the sum of e * rate at both ends of every port.
+    for (int i = 0; i < physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        int at = w->port[i].first;
         for (int end = 0; end < 2; at += port->layout[end].nz, ++end) {
-            const int first = port->subsystem[end] >= 0
-                                  ? w->scene->subsystem[port->subsystem[end]].first
-                                  : w->scene->boundary_input[port->boundary_input[end]].first;
+            const bool inside = port->subsystem[end] >= 0;
+            const int first = inside ? physics->subsystem[port->subsystem[end]].first
+                                     : physics->boundary_input[port->boundary_input[end]].first;
             const int nz = pm_scene_end_layout(w->scene, port, end)->nz;
             for (int k = 0; k < 2; ++k) {
-                fprintf(w->file, "    %sflux[%d] = 0.0", tangent ? "d_" : "", 4 * i + 2 * end + k);
-                for (int c = 0; c < port->layout[end].nz && w->functions.port[i].law != NULL; ++c) {
-                    const bool inside = port->subsystem[end] >= 0;
+                fprintf(file, "    %sflux[%d] = 0.0", s->d, 4 * i + 2 * end + k);
+                for (int c = 0; c < port->layout[end].nz && w->port[i].law != NULL; ++c) {
                     const char *array = inside ? co[k] : "u";
                     const int from = first + port->component[end][c] + (inside ? 0 : (k + 1) * nz);
-                    fprintf(w->file,
-                            tangent ? " + (d_%s[%d] * port[%d] + %s[%d] * d_port[%d])"
-                                    : " + %s[%d] * port[%d]",
-                            array, from, at + c, array, from, at + c);
+                    if (tangent) {
+                        fprintf(file, " + (d_%s[%d] * port[%d] + %s[%d] * d_port[%d])", array, from,
+                                at + c, array, from, at + c);
+                    } else {
+                        fprintf(file, " + %s[%d] * port[%d]", array, from, at + c);
+                    }
                 }
-                fputs(";\n", w->file);
+                fputs(";\n", file);
             }
         }
     }
 }
 
-static void write_outputs(scene_writer *w) {
-    const char *name = w->scene->name;
-    fprintf(w->file,
-            "\nvoid %s_rates(const double *z, const double *u, double *rate) {\n"
-            "    double dE[STATES], dS[STATES], port[PORT_RATES];\n"
-            "    evaluate(z, u, dE, dS, rate, port);\n}\n",
-            name);
-    fprintf(w->file,
-            "\nvoid %s_outputs(const double *z, const double *u, double *energy, double *entropy,\n"
-            "    double *flux) {\n"
-            "    double dE[STATES], dS[STATES], rate[STATES], port[PORT_RATES];\n"
-            "    (void)flux;\n    evaluate(z, u, dE, dS, rate, port);\n",
-            name);
-    write_potentials(w);
-    write_fluxes(w, false);
-    fputs("}\n", w->file);
+// Writes to = z + h sum_i weight_i k_i over the first n stages.
+static void write_combination(FILE *file, int n, const double *weight, const char *to) {
+    fprintf(file, "        for (int i = 0; i < STATES; ++i) {\n            %s[i] = z[i] + h * (0.0",
+            to);
+    for (int i = 0; i < n; ++i) {
+        if (weight[i] != 0) {
+            fputs(" + ", file);
+            pm_source_number(file, weight[i]);
+            fprintf(file, " * k[%d][i]", i);
+        }
+    }
+    fputs(");\n        }\n", file);
 }
 
-// The sums of dE d_z and dS d_z are the derivatives of energy and entropy.
-static void write_output_tangent(scene_writer *w) {
-    fprintf(w->file,
-            "\nvoid %s_tangent(const double *z, const double *d_z, const double *u, "
-            "const double *d_u,\n    double *d_rate, double *d_energy, double *d_entropy, double "
-            "*d_flux) {\n"
-            "    double dE[STATES], dS[STATES], rate[STATES], port[PORT_RATES] = {0};\n"
-            "    double d_dE[STATES], d_dS[STATES], d_port[PORT_RATES] = {0};\n"
-            "    (void)d_flux;\n    evaluate(z, u, dE, dS, rate, port);\n"
-            "    evaluate_tangent(z, d_z, u, d_u, dE, dS, d_dE, d_dS, d_rate, d_port);\n"
-            "    memset(d_energy, 0, SUBSYSTEMS * sizeof *d_energy);\n"
-            "    memset(d_entropy, 0, SUBSYSTEMS * sizeof *d_entropy);\n",
-            w->scene->name);
-    for (int i = 0; i < w->scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &w->scene->subsystem[i];
-        fprintf(w->file,
-                "    for (int i = %d; i < %d; ++i) {\n        d_energy[%d] += dE[i] * d_z[i];\n"
-                "        d_entropy[%d] += dS[i] * d_z[i];\n    }\n",
-                s->first, s->first + s->layout.nz, i, i);
+static void write_substep(FILE *file, const void *context) {
+    const pm_integrator *rk = context;
+    for (int stage = 0; stage < rk->nstage; ++stage) {
+        if (stage > 0) {
+            write_combination(file, stage, rk->a[stage], "next");
+        }
+        fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port);\n",
+                stage == 0 ? "z" : "next", stage);
     }
-    write_fluxes(w, true);
-    fputs("}\n", w->file);
+    write_combination(file, rk->nstage, rk->b, "z");
+}
+
+typedef struct numbers {
+    int count;
+    const double *value;
+} numbers;
+
+static void write_numbers(FILE *file, const void *context) {
+    const numbers *n = context;
+    for (int i = 0; i < n->count; ++i) {
+        fputs(i == 0 ? "" : ", ", file);
+        pm_source_number(file, n->value[i]);
+    }
+}
+
+static void write_list(FILE *file, const char *title, int count, const char *const *name,
+                       const char *const *unit) {
+    if (count > 0) {
+        fprintf(file, "//\n// %s:\n", title);
+    }
+    for (int i = 0; i < count; ++i) {
+        fprintf(file, "//   %3d  %s, %s\n", i, name[i], unit[i]);
+    }
+}
+
+// Says in the header what each number means.
+static void write_meanings(FILE *file, const void *context) {
+    const scene_writer *w = context;
+    const pm_physics *physics = &w->scene->physics;
+    write_list(file, "z, the states", physics->nz, w->names.name, w->names.unit);
+    write_list(file, "u, the inputs", physics->nprescribed, w->names.input_name,
+               w->names.input_unit);
+    if (physics->nport > 0) {
+        fputs("//\n// flux, four numbers for each port: energy in W and entropy in W/K into end a, "
+              "then into end b:\n",
+              file);
+    }
+    for (int i = 0; i < physics->nport; ++i) {
+        fprintf(file, "//   %3d  %s: a is %s, b is %s\n", 4 * i, physics->port[i].name,
+                pm_scene_end_name(w->scene, &physics->port[i], 0),
+                pm_scene_end_name(w->scene, &physics->port[i], 1));
+    }
 }
 
 // --- the files ---
 
-static pm_status place_ports(scene_writer *w, int *count) {
-    int *first = pm_arena_array(&w->arena, (size_t)w->scene->nport, sizeof *first);
-    if (first == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a source file");
-    }
-    *count = 0;
-    for (int i = 0; i < w->scene->nport; ++i) {
-        first[i] = *count;
-        *count += w->scene->port[i].layout[0].nz + w->scene->port[i].layout[1].nz;
-    }
-    w->port_first = first;
-    return PM_OK;
-}
-
-static pm_status write_all(scene_writer *w) {
-    int rates = 0;
-    PM_TRY(pm_export_check(w->scene));
-    PM_TRY(place_ports(w, &rates));
-    fprintf(w->file,
-            "// The scene %s, exported by portmetd %s. %s.h describes it.\n#include \"%s.h\"\n\n"
-            "#include <math.h>\n\n#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#pragma clang "
-            "diagnostic ignored \"-Wunused-function\"\n#endif\n\n",
-            w->scene->name, PM_VERSION, w->scene->name, w->scene->name);
-    pm_source_prelude(w->file);
-    fprintf(w->file, "\nenum { STATES = %d, SUBSYSTEMS = %d, PORT_RATES = %d };\n", w->scene->nz,
-            w->scene->nsubsystem, rates + 1);
-    PM_TRY(pm_export_functions_write(&w->functions, w->file));
-    write_rates(w, false);
-    write_rates(w, true);
-    write_initial(w);
-    write_step(w);
-    write_outputs(w);
-    write_output_tangent(w);
-    return PM_OK;
-}
-
-pm_status pm_export_source(FILE *file, const pm_setup *setup) {
-    scene_writer w = {.file = file, .setup = setup, .scene = setup->scene};
-    w.functions = (pm_export_functions){.system = setup->system, .arena = &w.arena};
-    const pm_status status = write_all(&w);
-    pm_arena_free(&w.arena);
-    return status;
-}
-
 // Writes one of the files into `folder`, under the scene's name and `suffix`.
-static pm_status write_file(const pm_setup *setup, const char *folder, const char *suffix,
-                            pm_status (*write)(FILE *, const pm_setup *)) {
-    pm_arena arena = {0};
-    const char *path = pm_arena_printf(&arena, "%s/%s%s", folder, setup->scene->name, suffix);
-    FILE *file = path == NULL ? NULL : fopen(path, "w");
-    pm_status status;
+static pm_status write_file(scene_writer *w, const char *folder, const char *suffix,
+                            const char *const *text, int nvalue, const pm_template_value *value) {
+    const char *path = pm_arena_printf(&w->arena, "%s/%s%s", folder, w->scene->name, suffix);
+    PM_TRY(pm_arena_status(&w->arena, "a source file"));
+    FILE *file = fopen(path, "w");
     if (file == NULL) {
-        status = path == NULL
-                     ? pm_fail(PM_ENOMEM, "out of memory")
-                     : pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-    } else {
-        status = write(file, setup);
-        const bool bad = ferror(file) != 0;
-        if ((fclose(file) != 0 || bad) && status == PM_OK) {
-            status = pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-        }
-        if (status != PM_OK) {
-            remove(path);
-        }
+        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
     }
-    pm_arena_free(&arena);
-    return status;
+    pm_template_write(file, text, INT_MAX, nvalue, value);
+    const bool bad = ferror(file) != 0;
+    if (fclose(file) != 0 || bad) {
+        const int error = errno;
+        remove(path);
+        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(error));
+    }
+    return PM_OK;
+}
+
+static const char *number(scene_writer *w, int n) {
+    return pm_arena_printf(&w->arena, "%d", n);
 }
 
 pm_status pm_export_c(const pm_setup *setup, const char *folder) {
-    PM_TRY(pm_export_check(setup->scene));
+    const pm_scene *scene = setup->scene;
+    const pm_physics *physics = &scene->physics;
+    if (pm_integrator_keeps_energy(physics->integrator)) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: integrator %s cannot be exported: expected euler, heun, rk4 or rk6",
+                       physics->integrator_at, physics->integrator->name);
+    }
+    if (pm_physics_is_adaptive(physics)) {
+        return pm_fail(PM_ECONFIG,
+                       "scene %s has a tolerance: an exported scene has a fixed number of substeps",
+                       scene->name);
+    }
     if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
         return pm_fail(PM_EFILE, "%s: cannot be made: %s", folder, strerror(errno));
     }
-    PM_TRY(write_file(setup, folder, ".c", pm_export_source));
-    return write_file(setup, folder, ".h", pm_export_header);
+    scene_writer w = {.setup = setup, .scene = scene};
+    pm_status status;
+    const pm_integrator *rk = physics->integrator;
+    const int ninput = physics->nprescribed;
+    w.part = pm_arena_array(&w.arena, (size_t)physics->nsubsystem, sizeof *w.part);
+    w.port = pm_arena_array(&w.arena, (size_t)physics->nport, sizeof *w.port);
+    // One more number than there are inputs, since C has no empty arrays.
+    double *input = pm_arena_array(&w.arena, (size_t)ninput + 1, sizeof *input);
+    PM_TRY_DONE(pm_arena_status(&w.arena, "a source file"));
+    PM_TRY_DONE(pm_scene_variable_names(&w.names, scene, &w.arena));
+    PM_TRY_DONE(write_functions(&w));
+    if (ninput > 0) {
+        pm_boundary_input_at(&w.setup->boundary_input, 0, 0, input);
+    }
+    const double substep = physics->dt / physics->substeps;
+    const section plain = {&w, ""}, tangent = {&w, "d_"};
+    const numbers initial = {physics->nz, w.setup->initial}, first_input = {ninput + 1, input};
+    const numbers h = {1, &substep}, dt = {1, &physics->dt};
+    const pm_template_value value[] = {
+        {"%NAME%", .text = scene->name},
+        {"%VERSION%", .text = PM_VERSION},
+        {"%STATES%", .text = number(&w, physics->nz)},
+        {"%INPUTS%", .text = number(&w, ninput)},
+        {"%INPUT_ROOM%", .text = number(&w, ninput > 0 ? ninput : 1)},
+        {"%SUBSYSTEMS%", .text = number(&w, physics->nsubsystem)},
+        {"%PORTS%", .text = number(&w, physics->nport)},
+        {"%SUBSTEPS%", .text = number(&w, physics->substeps)},
+        {"%METHOD%", .text = rk->name},
+        {"%STEP%", .text = pm_arena_printf(&w.arena, "%.17g", physics->dt)},
+        {"%STAGES%", .text = number(&w, rk->nstage)},
+        {"%NEXT%", .text = rk->nstage > 1 ? "next[STATES], " : ""},
+        {"%FIRST_INPUTS%", .text = number(&w, ninput + 1)},
+        {"%FUNCTIONS%", .write = write_text, .context = w.functions},
+        {"%RATES%", .write = write_rates, .context = &plain},
+        {"%RATES_TANGENT%", .write = write_rates, .context = &tangent},
+        {"%OUTPUTS%", .write = write_outputs, .context = &plain},
+        {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
+        {"%SUBSTEP%", .write = write_substep, .context = rk},
+        {"%INITIAL%", .write = write_numbers, .context = &initial},
+        {"%FIRST_INPUT%", .write = write_numbers, .context = &first_input},
+        {"%H%", .write = write_numbers, .context = &h},
+        {"%DT%", .write = write_numbers, .context = &dt},
+        {"%MEANINGS%", .write = write_meanings, .context = &w},
+    };
+    const int count = (int)(sizeof value / sizeof value[0]);
+    PM_TRY_DONE(write_file(&w, folder, ".c", pm_export_source_text, count, value));
+    status = write_file(&w, folder, ".h", pm_export_header_text, count, value);
+done:
+    free(w.functions);
+    pm_arena_free(&w.arena);
+    return status;
 }

@@ -3,20 +3,12 @@
 #ifndef PM_EXPORT_SOURCE_H
 #define PM_EXPORT_SOURCE_H
 
-#include <stdio.h>
-
 #include "library/setup.h"
 
-// Checks that the scene has an integrator that can be exported: an explicit Runge-Kutta method with
-// a fixed number of substeps. PM_ECONFIG.
-pm_status pm_export_check(const pm_scene *scene);
-
-// Writes the source SCENE.c of a completed setup to an open file; header.h writes SCENE.h. Fails as
-// pm_export_check and pm_export_functions_write do.
-pm_status pm_export_source(FILE *file, const pm_setup *setup);
-
-// Writes SCENE.c and SCENE.h into `folder`, which it makes if it does not exist. Fails as
-// pm_export_source and pm_export_header do. PM_EFILE: a file cannot be written.
+// Writes SCENE.c and SCENE.h of a completed setup into `folder`, which it makes if it does not
+// exist. PM_ECONFIG: the integrator is no explicit Runge-Kutta method with a fixed number of
+// substeps, or a model has so large a product of matrices that BLAS would compute it in an order of
+// its own. PM_EFILE: a file cannot be written. PM_ENOMEM.
 pm_status pm_export_c(const pm_setup *setup, const char *folder);
 
 #endif

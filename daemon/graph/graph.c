@@ -1,5 +1,5 @@
-// Builds graphs: the rules of shapes, hash-consing, and a few simplifications that derivatives
-// need.
+// Builds graphs: the rules of shapes, hash-consing, a few simplifications that derivatives need,
+// and reverse accumulation.
 #include "graph/graph.h"
 
 #include <assert.h>
@@ -11,14 +11,11 @@
 #include "graph/node.h"
 
 struct pm_graph {
-    pm_arena arena; // operand and index arrays
+    pm_arena arena; // of the arrays here and in nodes; once it has failed, nothing is built
     pm_graph_node *node;
-    int count, capacity;
-    int *bucket; // [nbucket] hash table of handles, -1: empty; nbucket is a power of two, at least
-                 // 2 capacity
-    int nbucket;
+    int count, capacity; // the capacity is a power of two
+    int *bucket;         // [2 capacity] hash table of handles, -1: empty
     bool weights_per_item;
-    bool exhausted;
 };
 
 // --- storage ---
@@ -35,8 +32,6 @@ pm_status pm_graph_open(pm_graph **graph) {
 void pm_graph_close(pm_graph *graph) {
     if (graph != NULL) {
         pm_arena_free(&graph->arena);
-        free(graph->node);
-        free(graph->bucket);
         free(graph);
     }
 }
@@ -47,16 +42,16 @@ const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x) {
 }
 
 bool pm_graph_exhausted(const pm_graph *g) {
-    return g->exhausted;
+    return g->arena.failed;
 }
 
 void pm_graph_exhaust(pm_graph *g) {
-    g->exhausted = true;
+    g->arena.failed = true;
 }
 
 pm_shape pm_graph_shape(const pm_graph *g, pm_node x) {
     // After memory is exhausted there may be no node at all, and any shape will do.
-    return g->exhausted ? (pm_shape){false, 1, 1} : pm_graph_node_at(g, x)->shape;
+    return g->arena.failed ? (pm_shape){false, 1, 1} : pm_graph_node_at(g, x)->shape;
 }
 
 int pm_graph_size(const pm_graph *g) {
@@ -96,67 +91,61 @@ static bool equal_nodes(const pm_graph_node *a, const pm_graph_node *b) {
             memcmp(a->index, b->index, (size_t)a->nindex * sizeof *a->index) == 0);
 }
 
-// Makes room for one more node; false if memory is exhausted.
-static bool grow(pm_graph *g) {
-    if (g->count < g->capacity) {
-        return true;
+// Returns the bucket of a node that equals `candidate`, or of none. Inputs are never shared.
+static int *find_bucket(const pm_graph *g, const pm_graph_node *candidate) {
+    const uint64_t mask = 2 * (uint64_t)g->capacity - 1;
+    uint64_t slot = hash_node(candidate) & mask;
+    while (g->bucket[slot] >= 0 &&
+           (candidate->op == PM_OP_INPUT || !equal_nodes(&g->node[g->bucket[slot]], candidate))) {
+        slot = (slot + 1) & mask;
     }
-    const int capacity = g->capacity == 0 ? 256 : 2 * g->capacity;
-    pm_graph_node *node = realloc(g->node, (size_t)capacity * sizeof *node);
-    if (node == NULL) {
-        return false;
-    }
-    g->node = node;
-    const int nbucket = 2 * capacity;
-    int *bucket = realloc(g->bucket, (size_t)nbucket * sizeof *bucket);
-    if (bucket == NULL) {
-        return false;
-    }
-    g->bucket = bucket;
-    g->capacity = capacity;
-    g->nbucket = nbucket;
-    memset(bucket, 0xff, (size_t)nbucket * sizeof *bucket);
-    for (int i = 0; i < g->count; ++i) {
-        uint64_t slot = hash_node(&node[i]) & (uint64_t)(nbucket - 1);
-        while (bucket[slot] >= 0) {
-            slot = (slot + 1) & (uint64_t)(nbucket - 1);
-        }
-        bucket[slot] = i;
-    }
-    return true;
+    return &g->bucket[slot];
 }
 
-static void *copy_ints(pm_graph *g, int count, const int *from) {
-    int *copy = pm_arena_array(&g->arena, (size_t)count, sizeof *copy);
+// Makes room for one more node. The arena keeps the smaller arrays until the graph is closed.
+static void grow(pm_graph *g) {
+    const int capacity = g->capacity == 0 ? 256 : 2 * g->capacity;
+    pm_graph_node *node = pm_arena_array(&g->arena, (size_t)capacity, sizeof *node);
+    int *bucket = pm_arena_array(&g->arena, 2 * (size_t)capacity, sizeof *bucket);
+    if (g->arena.failed) {
+        return;
+    }
+    if (g->count > 0) {
+        memcpy(node, g->node, (size_t)g->count * sizeof *node);
+    }
+    memset(bucket, 0xff, 2 * (size_t)capacity * sizeof *bucket);
+    g->node = node;
+    g->bucket = bucket;
+    g->capacity = capacity;
+    for (int i = 0; i < g->count; ++i) {
+        *find_bucket(g, &node[i]) = i;
+    }
+}
+
+static const int *copy_ints(pm_graph *g, int count, const int *from) {
+    int *copy = count == 0 ? NULL : pm_arena_array(&g->arena, (size_t)count, sizeof *copy);
     return copy == NULL ? NULL : memcpy(copy, from, (size_t)count * sizeof *copy);
 }
 
-// Returns the node that equals `candidate`, or makes it. Inputs are never shared.
+// Returns the node that equals `candidate`, or makes it.
 static pm_node intern(pm_graph *g, pm_graph_node candidate) {
-    if (g->exhausted || !grow(g)) {
-        g->exhausted = true;
+    if (g->count == g->capacity) {
+        grow(g);
+    }
+    if (g->arena.failed) {
         return 0;
     }
-    const uint64_t mask = (uint64_t)(g->nbucket - 1);
-    uint64_t slot = hash_node(&candidate) & mask;
-    for (; g->bucket[slot] >= 0; slot = (slot + 1) & mask) {
-        if (candidate.op != PM_OP_INPUT && equal_nodes(&g->node[g->bucket[slot]], &candidate)) {
-            return g->bucket[slot];
-        }
+    int *bucket = find_bucket(g, &candidate);
+    if (*bucket >= 0) {
+        return *bucket;
     }
-    if (candidate.noperand > 0) {
-        candidate.operand = copy_ints(g, candidate.noperand, candidate.operand);
-    }
-    if (candidate.nindex > 0) {
-        candidate.index = copy_ints(g, candidate.nindex, candidate.index);
-    }
-    if ((candidate.noperand > 0 && candidate.operand == NULL) ||
-        (candidate.nindex > 0 && candidate.index == NULL)) {
-        g->exhausted = true;
+    candidate.operand = copy_ints(g, candidate.noperand, candidate.operand);
+    candidate.index = copy_ints(g, candidate.nindex, candidate.index);
+    if (g->arena.failed) {
         return 0;
     }
     g->node[g->count] = candidate;
-    g->bucket[slot] = g->count;
+    *bucket = g->count;
     return g->count++;
 }
 
@@ -179,7 +168,7 @@ static pm_node intern_binary(pm_graph *g, pm_op op, pm_shape shape, pm_node a, p
 }
 
 static bool is_op(const pm_graph *g, pm_node x, pm_op op) {
-    return !g->exhausted && pm_graph_node_at(g, x)->op == op;
+    return !g->arena.failed && pm_graph_node_at(g, x)->op == op;
 }
 
 static bool is_constant(const pm_graph *g, pm_node x, double value) {
@@ -267,51 +256,21 @@ pm_node pm_offset(pm_graph *g, pm_node x, double term) {
     return intern_unary(g, PM_OP_OFFSET, pm_graph_shape(g, x), x, term, 0);
 }
 
-pm_node pm_tanh(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_TANH, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_sigmoid(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_SIGMOID, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_softplus(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_SOFTPLUS, pm_graph_shape(g, x), x, 0, 0);
-}
+#define FUNCTION(OPERATION, NAME, ...)                                            \
+    pm_node pm_##NAME(pm_graph *g, pm_node x) {                                   \
+        return intern_unary(g, PM_OP_##OPERATION, pm_graph_shape(g, x), x, 0, 0); \
+    }
+PM_FUNCTIONS(FUNCTION)
 
 pm_node pm_silu(pm_graph *g, pm_node x) {
     return pm_mul(g, x, pm_sigmoid(g, x));
-}
-
-pm_node pm_exp(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_EXP, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_log(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_LOG, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_sqrt(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_SQRT, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_sin(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_SIN, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_cos(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_COS, pm_graph_shape(g, x), x, 0, 0);
-}
-
-pm_node pm_is_negative(pm_graph *g, pm_node x) {
-    return intern_unary(g, PM_OP_IS_NEGATIVE, pm_graph_shape(g, x), x, 0, 0);
 }
 
 // --- sums, dots, broadcasting ---
 
 pm_node pm_sum_to(pm_graph *g, pm_node x, pm_shape shape) {
     const pm_shape from = pm_graph_shape(g, x);
-    if (g->exhausted || equal_shapes(from, shape)) {
+    if (g->arena.failed || equal_shapes(from, shape)) {
         return x;
     }
     assert(from.batched || !shape.batched);
@@ -322,7 +281,7 @@ pm_node pm_sum_to(pm_graph *g, pm_node x, pm_shape shape) {
 
 pm_node pm_broadcast_to(pm_graph *g, pm_node x, pm_shape shape) {
     const pm_shape from = pm_graph_shape(g, x);
-    if (g->exhausted || equal_shapes(from, shape)) {
+    if (g->arena.failed || equal_shapes(from, shape)) {
         return x;
     }
     assert(shape.batched || !from.batched);
@@ -333,7 +292,7 @@ pm_node pm_broadcast_to(pm_graph *g, pm_node x, pm_shape shape) {
 
 pm_node pm_dot(pm_graph *g, pm_node a, pm_node b) {
     pm_shape shape = broadcast_shape(pm_graph_shape(g, a), pm_graph_shape(g, b));
-    assert(g->exhausted || pm_graph_shape(g, a).cols == pm_graph_shape(g, b).cols);
+    assert(g->arena.failed || pm_graph_shape(g, a).cols == pm_graph_shape(g, b).cols);
     shape.cols = 1;
     return intern_binary(g, PM_OP_DOT, shape, a, b, 0);
 }
@@ -363,13 +322,13 @@ pm_node pm_reshape(pm_graph *g, pm_node x, int rows, int cols) {
     if (equal_shapes(from, shape)) {
         return x;
     }
-    assert(g->exhausted || from.rows * from.cols == rows * cols);
+    assert(g->arena.failed || from.rows * from.cols == rows * cols);
     return intern_unary(g, PM_OP_RESHAPE, shape, x, 0, 0);
 }
 
 pm_node pm_slice(pm_graph *g, pm_node x, int first, int count) {
     const pm_shape from = pm_graph_shape(g, x);
-    if (g->exhausted || (first == 0 && count == from.cols)) {
+    if (g->arena.failed || (first == 0 && count == from.cols)) {
         return x;
     }
     assert(first >= 0 && count > 0 && first + count <= from.cols);
@@ -385,7 +344,7 @@ pm_node pm_slice(pm_graph *g, pm_node x, int first, int count) {
 
 pm_node pm_place(pm_graph *g, pm_node x, int first, int cols) {
     const pm_shape from = pm_graph_shape(g, x);
-    if (g->exhausted || (first == 0 && from.cols == cols)) {
+    if (g->arena.failed || (first == 0 && from.cols == cols)) {
         return x;
     }
     assert(first >= 0 && first + from.cols <= cols);
@@ -393,7 +352,7 @@ pm_node pm_place(pm_graph *g, pm_node x, int first, int cols) {
 }
 
 pm_node pm_concat(pm_graph *g, int count, const pm_node *part) {
-    if (g->exhausted || count == 1) {
+    if (g->arena.failed || count == 1) {
         return part[0];
     }
     pm_shape shape = {false, pm_graph_shape(g, part[0]).rows, 0};
@@ -405,11 +364,7 @@ pm_node pm_concat(pm_graph *g, int count, const pm_node *part) {
     }
     // Shared parts are repeated for every item first, so that concatenation only copies.
     pm_node *same = pm_arena_array(&g->arena, (size_t)count, sizeof *same);
-    if (same == NULL) {
-        g->exhausted = true;
-        return part[0];
-    }
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count && same != NULL; ++i) {
         pm_shape s = pm_graph_shape(g, part[i]);
         s.batched = shape.batched;
         same[i] = pm_broadcast_to(g, part[i], s);
@@ -434,7 +389,7 @@ pm_node pm_gather_rows(pm_graph *g, pm_node x, int count, const int *index) {
 }
 
 pm_node pm_scatter_add_rows(pm_graph *g, pm_node x, int rows, int count, const int *index) {
-    assert(g->exhausted || pm_graph_shape(g, x).rows == count);
+    assert(g->arena.failed || pm_graph_shape(g, x).rows == count);
     return row_operation(g, PM_OP_SCATTER_ADD_ROWS, x, rows, count, index);
 }
 
@@ -457,16 +412,11 @@ pm_node pm_concat_or(pm_graph *g, pm_node a, pm_node b) {
 pm_node pm_transpose(pm_graph *g, pm_node x) {
     const pm_shape shape = pm_graph_shape(g, x);
     const int count = shape.rows * shape.cols;
-    int *index = malloc((size_t)count * sizeof *index);
-    if (index == NULL) {
-        pm_graph_exhaust(g);
-        return x;
-    }
-    for (int i = 0; i < count; ++i) {
+    int *index = pm_arena_array(&g->arena, (size_t)count, sizeof *index);
+    for (int i = 0; i < count && index != NULL; ++i) {
         index[i] = i % shape.rows * shape.cols + i / shape.rows;
     }
     const pm_node column = pm_gather_rows(g, pm_reshape(g, x, count, 1), count, index);
-    free(index);
     return pm_reshape(g, column, shape.cols, shape.rows);
 }
 

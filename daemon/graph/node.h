@@ -1,5 +1,5 @@
-// Declarations that the files of this folder share: the nodes, the instructions of a program, and
-// the table of operations.
+// Declarations that the files of this folder share: the operations, the nodes, and the instructions
+// of a program.
 #ifndef PM_GRAPH_NODE_H
 #define PM_GRAPH_NODE_H
 
@@ -7,38 +7,54 @@
 
 #include "graph/graph.h"
 
+// The elementwise operations. A line defines an operation completely: its kernel, its derivative
+// rule and its C source are made from it. `value` is a C expression of the numbers a and b of the
+// operands and of the node's own `number`. A derivative builds the adjoint of an operand from the
+// operands a and b, the result x, the result's adjoint dx and `number`; PM_NO_NODE is zero.
+//
+// clang-format off
+//   X(OPERATION, name, value, derivative by a, derivative by b)
+#define PM_BINARY_OPERATIONS(X)                                                                      \
+    X(ADD, add, a + b, dx, dx)                                                                       \
+    X(SUB, sub, a - b, dx, pm_scale(g, dx, -1))                                                      \
+    X(MUL, mul, a * b, pm_mul(g, dx, b), pm_mul(g, dx, a))                                           \
+    X(DIV, div, a / b, pm_div(g, dx, b), pm_scale(g, pm_mul(g, pm_div(g, dx, b), x), -1))
+
+//   X(OPERATION, name, value, derivative by a)
+#define PM_FUNCTIONS(X)                                                                              \
+    X(TANH, tanh, pm_tanh_of(a), pm_sub(g, dx, pm_mul(g, dx, pm_square(g, x))))                      \
+    X(SIGMOID, sigmoid, pm_sigmoid_of(a), pm_mul(g, dx, pm_sub(g, x, pm_square(g, x))))              \
+    X(SOFTPLUS, softplus, pm_softplus_of(a), pm_mul(g, dx, pm_sigmoid(g, a)))                        \
+    X(EXP, exp, pm_exp_of(a), pm_mul(g, dx, x))                                                      \
+    X(LOG, log, pm_log_of(a), pm_div(g, dx, a))                                                      \
+    X(SQRT, sqrt, sqrt(a), pm_div(g, pm_scale(g, dx, 0.5), x))                                       \
+    X(SIN, sin, sin(a), pm_mul(g, dx, pm_cos(g, a)))                                                 \
+    X(COS, cos, cos(a), pm_scale(g, pm_mul(g, dx, pm_sin(g, a)), -1))                                \
+    X(IS_NEGATIVE, is_negative, a < 0 ? 1.0 : 0.0, PM_NO_NODE)
+
+#define PM_UNARY_OPERATIONS(X)                                                                       \
+    PM_FUNCTIONS(X)                                                                                  \
+    X(SCALE, scale, number * a, pm_scale(g, dx, number))                                             \
+    X(OFFSET, offset, a + number, dx)
+
+// The other operations have a kernel and a derivative rule in operation.c and a rule in source.c.
+#define PM_OTHER_OPERATIONS(X)                                                                       \
+    X(SUM_TO, sum_to) X(BROADCAST_TO, broadcast_to) X(DOT, dot) X(MATMUL, matmul)                    \
+    X(MATMUL_SUM, matmul_sum) X(RESHAPE, reshape) X(SLICE, slice) X(PLACE, place) X(CONCAT, concat)  \
+    X(GATHER_ROWS, gather_rows) X(SCATTER_ADD_ROWS, scatter_add_rows)
+
 typedef enum pm_op {
     PM_OP_INPUT,
     PM_OP_PARAM,
     PM_OP_CONSTANT,
-    PM_OP_ADD,
-    PM_OP_SUB,
-    PM_OP_MUL,
-    PM_OP_DIV,
-    PM_OP_SCALE,
-    PM_OP_OFFSET,
-    PM_OP_TANH,
-    PM_OP_SIGMOID,
-    PM_OP_SOFTPLUS,
-    PM_OP_EXP,
-    PM_OP_LOG,
-    PM_OP_SQRT,
-    PM_OP_SIN,
-    PM_OP_COS,
-    PM_OP_IS_NEGATIVE,
-    PM_OP_SUM_TO,
-    PM_OP_BROADCAST_TO,
-    PM_OP_DOT,
-    PM_OP_MATMUL,
-    PM_OP_MATMUL_SUM,
-    PM_OP_RESHAPE,
-    PM_OP_SLICE,
-    PM_OP_PLACE,
-    PM_OP_CONCAT,
-    PM_OP_GATHER_ROWS,
-    PM_OP_SCATTER_ADD_ROWS,
+#define PM_OP_OF(OPERATION, ...) PM_OP_##OPERATION,
+    PM_BINARY_OPERATIONS(PM_OP_OF)
+    PM_UNARY_OPERATIONS(PM_OP_OF)
+    PM_OTHER_OPERATIONS(PM_OP_OF)
+#undef PM_OP_OF
     PM_OP_COUNT
 } pm_op;
+// clang-format on
 
 // One node of the graph. Operands have smaller handles than their result, so that the order of
 // handles is an order of evaluation.
@@ -58,23 +74,21 @@ const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x);
 bool pm_graph_exhausted(const pm_graph *g); // returns true if memory ran out while building
 void pm_graph_exhaust(pm_graph *g);         // notes that memory ran out
 
-// The distances between neighbouring items, rows and columns of an operand while a kernel walks
-// over the result, in numbers; 0 along a dimension in which the operand is repeated.
-typedef struct pm_stride {
-    ptrdiff_t item, row, col;
-} pm_stride;
-
-typedef struct pm_instruction pm_instruction;
-typedef void pm_kernel(const pm_instruction *instruction, int batch);
-
-// One operation to run, with its operands resolved to memory.
-struct pm_instruction {
-    pm_kernel *run;
-    const pm_graph_node *node;
+// One operation to run, with its operands resolved to memory. Batched arrays are
+// [batch][rows][cols], or [rows][cols][lanes] in a program of lanes (pm_program_open_lanes), in
+// which each lane is one item. A kernel serves both orders.
+typedef struct pm_instruction {
+    void (*run)(const struct pm_instruction *x, int batch);
+    pm_op op;
     pm_shape shape, shape_a, shape_b;
-    // A kernel walks over its result, and the strides lead through a and b. The kernel of sum_to
-    // walks over a, and stride_a leads through the result.
-    pm_stride stride_a, stride_b;
+    int lanes; // neighbouring numbers of an item are this many numbers apart: 1 if items are
+               // outermost
+    // Three nested loops over the result, or over a in a sum: over items, rows and columns, or over
+    // rows, columns and lanes. A step is the distance between neighbours in numbers, 0 where an
+    // operand is repeated. The number of items, in size[0], is only known when the program runs.
+    int size[3];
+    ptrdiff_t step[3], step_a[3], step_b[3]; // of the result, a and b
+    bool is_one_row;                         // all operands have the result's numbers one by one
     double *out;
     const double *a, *b;
     const double *const *part; // [nindex] the operands of concat
@@ -82,37 +96,17 @@ struct pm_instruction {
     double number;
     int first, nindex;
     const int *index;
-};
-
-// The derivative rule of an operation. Given its result and the result's adjoint, it returns the
-// adjoint of operand number `operand`, in the operand's shape, or PM_NO_NODE for zero.
-typedef pm_node pm_adjoint(pm_graph *g, pm_node result, pm_node adjoint, int operand);
+} pm_instruction;
 
 typedef struct pm_operation {
-    const char *name;
-    pm_kernel *run;      // NULL: nothing to compute, as for leaves and reshape
-    pm_adjoint *adjoint; // NULL: the operation has no operands
-    bool in_place;       // the result may overwrite an operand of the same shape
+    void (*run)(const pm_instruction *x, int batch); // NULL: nothing to compute
+    // The derivative rule. Given the result and its adjoint, it returns the adjoint of operand
+    // number `i`, in the operand's shape, or PM_NO_NODE for zero. NULL: the operation has no
+    // operands.
+    pm_node (*adjoint)(pm_graph *g, pm_node result, pm_node adjoint, int i);
+    bool in_place; // the result may overwrite an operand of the same shape
 } pm_operation;
 
 extern const pm_operation pm_operations[PM_OP_COUNT];
-
-// Returns the kernel that runs a batched instruction on arrays [rows][cols][lanes], in which each
-// lane is one item (pm_program_open_lanes), or NULL if there is none. The kernel's `batch` is the
-// number of lanes. The kernels are in lane_kernel.c.
-pm_kernel *pm_lane_kernel_of(const pm_instruction *instruction);
-
-// Kernels (kernel.c) and derivative rules (adjoint.c), one per operation, listed in operation.c.
-pm_kernel pm_run_add, pm_run_sub, pm_run_mul, pm_run_div, pm_run_scale, pm_run_offset, pm_run_tanh,
-    pm_run_sigmoid, pm_run_softplus, pm_run_exp, pm_run_log, pm_run_sqrt, pm_run_sin, pm_run_cos,
-    pm_run_is_negative, pm_run_sum_to, pm_run_broadcast_to, pm_run_dot, pm_run_matmul,
-    pm_run_matmul_sum, pm_run_slice, pm_run_place, pm_run_concat, pm_run_gather_rows,
-    pm_run_scatter_add_rows;
-pm_adjoint pm_adjoint_add, pm_adjoint_sub, pm_adjoint_mul, pm_adjoint_div, pm_adjoint_scale,
-    pm_adjoint_offset, pm_adjoint_tanh, pm_adjoint_sigmoid, pm_adjoint_softplus, pm_adjoint_exp,
-    pm_adjoint_log, pm_adjoint_sqrt, pm_adjoint_sin, pm_adjoint_cos, pm_adjoint_is_negative,
-    pm_adjoint_sum_to, pm_adjoint_broadcast_to, pm_adjoint_dot, pm_adjoint_matmul,
-    pm_adjoint_matmul_sum, pm_adjoint_reshape, pm_adjoint_slice, pm_adjoint_place,
-    pm_adjoint_concat, pm_adjoint_gather_rows, pm_adjoint_scatter_add_rows;
 
 #endif

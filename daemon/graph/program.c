@@ -115,14 +115,12 @@ typedef struct memory_plan {
     memory_pool pool;
 } memory_plan;
 
-static size_t memory_of(const memory_plan *plan, pm_shape shape) {
-    const size_t size =
-        (size_t)shape.rows * (size_t)shape.cols * (size_t)(shape.batched ? plan->capacity : 1);
-    return (size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
-}
-
 static bool is_leaf(pm_op op) {
     return op == PM_OP_INPUT || op == PM_OP_PARAM || op == PM_OP_CONSTANT;
+}
+
+static bool same_shape(pm_shape a, pm_shape b) {
+    return a.batched == b.batched && a.rows == b.rows && a.cols == b.cols;
 }
 
 // Returns true if a node is a view, which has its operand's numbers at an offset and needs no
@@ -134,17 +132,6 @@ static bool is_view(const memory_plan *plan, const pm_graph_node *node) {
     const bool one_row =
         node->shape.rows == 1 && (!node->shape.batched || plan->capacity == 1 || plan->lanes);
     return node->op == PM_OP_SLICE && one_row;
-}
-
-// Returns true if the numbers of a node depend on weights alone, and keeping them between runs
-// takes no more memory than one item does.
-static bool is_fixed(const memory_plan *plan, const pm_graph_node *node) {
-    bool fixed =
-        node->op != PM_OP_INPUT && (!node->shape.batched || plan->lanes || plan->capacity == 1);
-    for (int i = 0; i < node->noperand && fixed; ++i) {
-        fixed = plan->place[node->operand[i]].fixed;
-    }
-    return fixed;
 }
 
 // Finds the nodes that the outputs need, from the last one down, and the last reader of each.
@@ -164,7 +151,13 @@ static void find_needed(memory_plan *plan, int count, const pm_node *output) {
         node_memory *place = &plan->place[x];
         place->root = is_view(plan, node) ? plan->place[node->operand[0]].root : x;
         place->last_use = x;
-        place->fixed = is_fixed(plan, node);
+        // Numbers that depend on weights alone are kept between runs where that takes no more
+        // memory than one item does.
+        place->fixed =
+            node->op != PM_OP_INPUT && (!node->shape.batched || plan->lanes || plan->capacity == 1);
+        for (int i = 0; i < node->noperand && place->fixed; ++i) {
+            place->fixed = plan->place[node->operand[i]].fixed;
+        }
         // Leaves keep their memory: callers write inputs before a run, and constants are filled
         // once. So does what later runs leave out.
         place->pinned = place->pinned || place->fixed || is_leaf(node->op);
@@ -181,58 +174,40 @@ static bool dies_at(const memory_plan *plan, pm_node root, pm_node x) {
     return plan->place[root].last_use == x && !plan->place[root].pinned;
 }
 
-// Returns true if x also reads the memory of `operand` through a view.
-static bool is_viewed_too(const memory_plan *plan, pm_node x, pm_node operand) {
-    const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-    for (int i = 0; i < node->noperand; ++i) {
-        if (node->operand[i] != operand && plan->place[node->operand[i]].root == operand) {
-            return true;
-        }
-    }
-    return false;
-}
-
-// Returns the operand whose memory x may take over, or PM_NO_NODE.
+// Returns the operand whose memory x may take over, or PM_NO_NODE: one of the same shape that
+// nothing reads later, and that x does not read through a view as well.
 static pm_node reusable_operand(const memory_plan *plan, pm_node x) {
     const pm_graph_node *node = pm_graph_node_at(plan->g, x);
     for (int i = 0; pm_operations[node->op].in_place && i < node->noperand; ++i) {
-        const pm_node root = plan->place[node->operand[i]].root;
-        const pm_shape shape = pm_graph_node_at(plan->g, node->operand[i])->shape;
-        if (root == node->operand[i] && dies_at(plan, root, x) && !is_viewed_too(plan, x, root) &&
-            shape.batched == node->shape.batched && shape.rows == node->shape.rows &&
-            shape.cols == node->shape.cols) {
-            return root;
+        const pm_node operand = node->operand[i];
+        bool reusable = plan->place[operand].root == operand && dies_at(plan, operand, x) &&
+                        same_shape(pm_graph_node_at(plan->g, operand)->shape, node->shape);
+        for (int j = 0; j < node->noperand && reusable; ++j) {
+            reusable = node->operand[j] == operand || plan->place[node->operand[j]].root != operand;
+        }
+        if (reusable) {
+            return operand;
         }
     }
     return PM_NO_NODE;
 }
 
-static bool release_operands(memory_plan *plan, pm_node x) {
-    const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-    for (int i = 0; i < node->noperand; ++i) {
-        const pm_node root = plan->place[node->operand[i]].root;
-        node_memory *place = &plan->place[root];
-        if (dies_at(plan, root, x) && place->size > 0) {
-            if (!pool_give(&plan->pool, place->offset, place->size)) {
-                return false;
-            }
-            place->size = 0; // an operand that appears twice is given back once
-        }
-    }
-    return true;
-}
-
 static void place_own(memory_plan *plan, pm_node x) {
     node_memory *place = &plan->place[x];
+    const pm_shape shape = pm_graph_node_at(plan->g, x)->shape;
+    const size_t size =
+        (size_t)shape.rows * (size_t)shape.cols * (size_t)(shape.batched ? plan->capacity : 1);
+    place->size = (size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     const pm_node kept = reusable_operand(plan, x);
-    place->size = memory_of(plan, pm_graph_node_at(plan->g, x)->shape);
-    place->offset =
-        kept != PM_NO_NODE ? plan->place[kept].offset : pool_take(&plan->pool, place->size);
     if (kept != PM_NO_NODE) {
+        place->offset = plan->place[kept].offset;
         plan->place[kept].size = 0; // x has it now
+    } else {
+        place->offset = pool_take(&plan->pool, place->size);
     }
 }
 
+// Gives every node that the outputs need its memory. Returns false if memory is exhausted.
 static bool place_nodes(memory_plan *plan) {
     // Inputs, and what depends on weights alone, come first: their numbers are written before a
     // run, so they share memory with nothing.
@@ -245,15 +220,22 @@ static bool place_nodes(memory_plan *plan) {
         }
     }
     for (pm_node x = 0; x < plan->nnode; ++x) {
-        if (!plan->place[x].needed || plan->place[x].fixed ||
-            pm_graph_node_at(plan->g, x)->op == PM_OP_INPUT) {
+        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+        if (!plan->place[x].needed || plan->place[x].fixed || node->op == PM_OP_INPUT) {
             continue;
         }
         if (plan->place[x].root == x) {
             place_own(plan, x);
         }
-        if (!release_operands(plan, x)) {
-            return false;
+        for (int i = 0; i < node->noperand; ++i) {
+            const pm_node root = plan->place[node->operand[i]].root;
+            node_memory *place = &plan->place[root];
+            if (dies_at(plan, root, x) && place->size > 0) {
+                if (!pool_give(&plan->pool, place->offset, place->size)) {
+                    return false;
+                }
+                place->size = 0; // an operand that appears twice is given back once
+            }
         }
     }
     return true;
@@ -261,73 +243,82 @@ static bool place_nodes(memory_plan *plan) {
 
 // --- instructions ---
 
-static pm_stride stride_against(pm_shape operand, pm_shape result) {
-    return (pm_stride){
-        operand.batched && result.batched ? (ptrdiff_t)operand.rows * operand.cols : 0,
-        operand.rows == 1 && result.rows != 1 ? 0 : operand.cols,
-        operand.cols == 1 && result.cols != 1 ? 0 : 1,
-    };
+// Writes the steps through an operand or a result while the loops go over `loops`.
+static void set_steps(pm_shape shape, pm_shape loops, int lanes, ptrdiff_t step[3]) {
+    const ptrdiff_t row = shape.rows == 1 && loops.rows != 1 ? 0 : shape.cols;
+    const ptrdiff_t col = shape.cols == 1 && loops.cols != 1 ? 0 : 1;
+    const ptrdiff_t lane = shape.batched ? lanes : 1;
+    const bool by_item = shape.batched && loops.batched;
+    step[0] = lanes > 1 ? row * lane : by_item ? (ptrdiff_t)shape.rows * shape.cols : 0;
+    step[1] = lanes > 1 ? col * lane : row;
+    step[2] = lanes > 1 ? by_item : col;
 }
 
-static bool same_shape(pm_shape a, pm_shape b) {
-    return a.batched == b.batched && a.rows == b.rows && a.cols == b.cols;
-}
-
-static pm_status resolve_parts(pm_program *p, const pm_graph *g, pm_instruction *x) {
-    const int count = x->node->noperand;
-    const double **part = pm_arena_array(&p->arena, (size_t)count, sizeof *part);
-    int *cols = pm_arena_array(&p->arena, (size_t)count, sizeof *cols);
-    if (part == NULL || cols == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a program");
+// Joins the two inner loops of an instruction where one loop passes the same numbers.
+static void join_loops(pm_instruction *x) {
+    ptrdiff_t *steps[3] = {x->step, x->step_a, x->step_b};
+    bool joins = true;
+    for (int i = 0; i < 3 && joins && x->size[2] > 1; ++i) {
+        joins = x->size[1] == 1 || steps[i][1] == x->size[2] * steps[i][2];
     }
-    for (int i = 0; i < count; ++i) {
-        part[i] = p->value[x->node->operand[i]];
-        cols[i] = pm_graph_node_at(g, x->node->operand[i])->shape.cols;
+    for (int i = 0; i < 3 && joins && x->size[2] == 1; ++i) {
+        steps[i][2] = steps[i][1];
     }
-    x->part = part;
-    x->part_cols = cols;
-    x->nindex = count;
-    return PM_OK;
+    if (joins) {
+        x->size[2] *= x->size[1];
+        x->size[1] = 1;
+    }
 }
 
-static pm_status emit(pm_program *p, const pm_graph *g, pm_node handle) {
+// Appends the instruction that computes a node.
+static void emit(pm_program *p, const memory_plan *plan, pm_node handle) {
     pm_instruction *x = &p->instruction[p->ninstruction++];
-    const pm_graph_node *node = pm_graph_node_at(g, handle);
-    pm_graph_node *copy = pm_arena_alloc(&p->arena, sizeof *copy);
-    int *index = pm_arena_array(&p->arena, (size_t)node->nindex, sizeof *index);
-    if (copy == NULL || index == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a program");
-    }
-    *copy = *node;
-    if (node->nindex > 0) {
-        memcpy(index, node->index, (size_t)node->nindex * sizeof *index);
-    }
+    const pm_graph_node *node = pm_graph_node_at(plan->g, handle);
+    const pm_node *operand = node->operand;
+    // The second operand of an operation on one number is the first.
+    const pm_node a = operand[0], b = operand[node->noperand >= 2 ? 1 : 0];
     *x = (pm_instruction){.run = pm_operations[node->op].run,
-                          .node = copy,
+                          .op = node->op,
                           .shape = node->shape,
+                          .shape_a = pm_graph_node_at(plan->g, a)->shape,
+                          .shape_b = pm_graph_node_at(plan->g, b)->shape,
+                          .lanes = plan->lanes && node->shape.batched ? plan->capacity : 1,
                           .out = p->value[handle],
+                          .a = p->value[a],
+                          .b = p->value[b],
                           .number = node->number,
                           .first = node->first,
-                          .nindex = node->nindex,
-                          .index = index};
-    x->a = p->value[node->operand[0]];
-    x->shape_a = pm_graph_node_at(g, node->operand[0])->shape;
-    x->stride_a = node->op == PM_OP_SUM_TO ? stride_against(node->shape, x->shape_a)
-                                           : stride_against(x->shape_a, node->shape);
-    if (node->noperand >= 2) {
-        x->b = p->value[node->operand[1]];
-        x->shape_b = pm_graph_node_at(g, node->operand[1])->shape;
-        x->stride_b = stride_against(x->shape_b, node->shape);
+                          .nindex = node->nindex};
+    const bool sums = node->op == PM_OP_SUM_TO;
+    const pm_shape loops = sums ? x->shape_a : x->shape;
+    set_steps(x->shape, loops, x->lanes, x->step);
+    set_steps(x->shape_a, loops, x->lanes, x->step_a);
+    set_steps(x->shape_b, loops, x->lanes, x->step_b);
+    const bool many = x->lanes > 1;
+    x->size[0] = many ? loops.rows : loops.batched && plan->capacity > 1 ? 0 : 1;
+    x->size[1] = many ? loops.cols : loops.rows;
+    x->size[2] = many ? x->lanes : loops.cols;
+    if (pm_operations[node->op].in_place || sums || node->op == PM_OP_BROADCAST_TO) {
+        join_loops(x);
     }
-    if (node->op == PM_OP_DOT) {
-        // The columns are summed, so both operands advance along them.
-        x->stride_a.col = x->stride_b.col = 1;
+    x->is_one_row = (x->size[0] == 1 && x->size[1] == 1) ||
+                    (same_shape(x->shape_a, x->shape) && same_shape(x->shape_b, x->shape));
+    if (node->nindex > 0) {
+        int *index = pm_arena_array(&p->arena, (size_t)node->nindex, sizeof *index);
+        x->index =
+            index == NULL ? NULL : memcpy(index, node->index, (size_t)node->nindex * sizeof *index);
     }
-    if (node->op >= PM_OP_ADD && node->op <= PM_OP_DIV) {
-        // Where nothing is repeated, the kernel treats all numbers as one long row.
-        x->first = same_shape(x->shape_a, node->shape) && same_shape(x->shape_b, node->shape);
+    if (node->op == PM_OP_CONCAT) {
+        const double **part = pm_arena_array(&p->arena, (size_t)node->noperand, sizeof *part);
+        int *cols = pm_arena_array(&p->arena, (size_t)node->noperand, sizeof *cols);
+        for (int i = 0; i < node->noperand && cols != NULL; ++i) {
+            part[i] = p->value[operand[i]];
+            cols[i] = pm_graph_node_at(plan->g, operand[i])->shape.cols;
+        }
+        x->part = part;
+        x->part_cols = cols;
+        x->nindex = node->noperand;
     }
-    return node->op == PM_OP_CONCAT ? resolve_parts(p, g, x) : PM_OK;
 }
 
 static void resolve_values(pm_program *p, const memory_plan *plan) {
@@ -353,26 +344,15 @@ static void resolve_values(pm_program *p, const memory_plan *plan) {
     }
 }
 
-// Emits the nodes that depend on weights alone, or all others.
-static pm_status emit_all(pm_program *p, const memory_plan *plan, bool fixed) {
-    for (pm_node x = 0; x < plan->nnode; ++x) {
-        const pm_graph_node *node = pm_graph_node_at(plan->g, x);
-        p->needed[x] = plan->place[x].needed;
-        if (p->needed[x] && plan->place[x].fixed == fixed && !is_leaf(node->op) &&
-            !is_view(plan, node)) {
-            PM_TRY(emit(p, plan->g, x));
-        }
-    }
-    return PM_OK;
-}
-
+// Plans memory and emits the instructions: those that depend on weights alone, then all others.
 static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_node *output) {
     const size_t nnode = (size_t)plan->nnode;
     plan->place = calloc(nnode, sizeof *plan->place);
-    p->value = calloc(nnode, sizeof *p->value);
-    p->needed = calloc(nnode, sizeof *p->needed);
-    p->instruction = calloc(nnode, sizeof *p->instruction);
-    if (plan->place == NULL || p->value == NULL || p->needed == NULL || p->instruction == NULL) {
+    p->value = pm_arena_array(&p->arena, nnode, sizeof *p->value);
+    p->needed = pm_arena_array(&p->arena, nnode, sizeof *p->needed);
+    p->instruction = pm_arena_array(&p->arena, nnode, sizeof *p->instruction);
+    PM_TRY(pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode));
+    if (plan->place == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a program of %d nodes", plan->nnode);
     }
     find_needed(plan, count, output);
@@ -386,9 +366,18 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     }
     memset(p->memory, 0, p->memory_size * sizeof(double));
     resolve_values(p, plan);
-    PM_TRY(emit_all(p, plan, true));
-    p->nfixed = p->ninstruction;
-    return emit_all(p, plan, false);
+    for (int fixed = 1; fixed >= 0; --fixed) {
+        for (pm_node x = 0; x < plan->nnode; ++x) {
+            const pm_graph_node *node = pm_graph_node_at(plan->g, x);
+            p->needed[x] = plan->place[x].needed;
+            if (p->needed[x] && plan->place[x].fixed == (fixed == 1) && !is_leaf(node->op) &&
+                !is_view(plan, node)) {
+                emit(p, plan, x);
+            }
+        }
+        p->nfixed = fixed == 1 ? p->ninstruction : p->nfixed;
+    }
+    return pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode);
 }
 
 static pm_status open_program(pm_program **program, const pm_graph *graph, int count,
@@ -421,21 +410,25 @@ pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count
 
 pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int count,
                                 const pm_node *output, int lanes) {
-    assert(lanes > 0 && lanes % PM_LANES == 0);
-    pm_program *p = NULL;
-    PM_TRY(open_program(&p, graph, count, output, lanes, true));
-    for (int i = 0; i < p->ninstruction; ++i) {
-        pm_instruction *x = &p->instruction[i];
-        if (x->shape.batched) {
-            x->run = pm_lane_kernel_of(x);
+    assert(lanes == 1 || (lanes > 0 && lanes % PM_LANES == 0));
+    if (lanes == 1) {
+        return pm_program_open(program, graph, count, output, 1);
+    }
+    PM_TRY(open_program(program, graph, count, output, lanes, true));
+    for (int i = 0; i < (*program)->ninstruction; ++i) {
+        // A kernel gives all lanes their bits if it neither sums over the batch nor calls BLAS.
+        const pm_instruction *x = &(*program)->instruction[i];
+        bool serves = x->shape.batched || !x->shape_a.batched;
+        if (x->op == PM_OP_MATMUL && x->shape.batched) {
+            const int k = (x->first & 1) != 0 ? x->shape_a.rows : x->shape_a.cols;
+            serves = (long)x->shape.rows * x->shape.cols * k <= PM_SMALL_PRODUCT;
         }
-        if (x->run == NULL || (x->shape_a.batched && !x->shape.batched)) {
-            pm_program_close(p);
-            p = NULL;
+        if (!serves) {
+            pm_program_close(*program);
+            *program = NULL;
             break;
         }
     }
-    *program = p;
     return PM_OK;
 }
 
@@ -443,9 +436,6 @@ void pm_program_close(pm_program *program) {
     if (program != NULL) {
         pm_arena_free(&program->arena);
         free(program->memory);
-        free(program->instruction);
-        free(program->value);
-        free(program->needed);
         free(program);
     }
 }
@@ -455,8 +445,8 @@ double *pm_program_value(pm_program *program, pm_node x) {
     return program->value[x];
 }
 
-bool pm_program_depends(const pm_program *program, pm_node input) {
-    return program->needed[input];
+double *pm_program_input(pm_program *program, pm_node x) {
+    return x == PM_NO_NODE || !program->needed[x] ? NULL : pm_program_value(program, x);
 }
 
 static void run(const pm_program *program, int begin, int end, int batch) {
@@ -477,22 +467,6 @@ void pm_program_run_prepared(pm_program *program, int batch) {
 void pm_program_run(pm_program *program, int batch) {
     pm_program_prepare(program);
     pm_program_run_prepared(program, batch);
-}
-
-double pm_program_multiply_adds(const pm_program *program, int batch) {
-    double sum = 0;
-    for (int i = 0; i < program->ninstruction; ++i) {
-        const pm_instruction *x = &program->instruction[i];
-        const pm_shape a = x->shape_a;
-        const bool product = x->node->op == PM_OP_MATMUL || x->node->op == PM_OP_MATMUL_SUM;
-        if (product) {
-            const bool rows = x->node->op == PM_OP_MATMUL_SUM || (x->first & 1) != 0;
-            const bool batched = x->shape.batched || a.batched;
-            sum += (double)x->shape.rows * x->shape.cols * (rows ? a.rows : a.cols) *
-                   (batched ? batch : 1);
-        }
-    }
-    return sum;
 }
 
 size_t pm_program_bytes(const pm_program *program) {

@@ -15,11 +15,11 @@ pm_status pm_program_open(pm_program **program, const pm_graph *graph, int count
                           const pm_node *output, int capacity);
 void pm_program_close(pm_program *program); // NULL is allowed
 
-// Plans a program for `lanes` items (a multiple of 8) that keeps the items innermost: the values of
-// its batched nodes are [rows][cols][lanes]. A run treats all lanes at once, vectorised across
-// items, and gives each item the bits that a program for one item gives it. *program is NULL if the
-// graph has an operation that cannot run so: a sum over the batch, or a product for which BLAS is
-// faster. PM_ENOMEM.
+// Plans a program for `lanes` items (1 or a multiple of 8) that keeps the items innermost: the
+// values of its batched nodes are [rows][cols][lanes]. A run treats all lanes at once, vectorised
+// across items, and gives each item the bits that a program for one item gives it. *program is NULL
+// if the graph has an operation that cannot run so: a sum over the batch, or a product for which
+// BLAS is faster. PM_ENOMEM.
 pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int count,
                                 const pm_node *output, int lanes);
 
@@ -28,8 +28,9 @@ pm_status pm_program_open_lanes(pm_program **program, const pm_graph *graph, int
 // An input on which no output depends has memory too, so that callers need no special case.
 double *pm_program_value(pm_program *program, pm_node x);
 
-// Returns true if an output depends on an input.
-bool pm_program_depends(const pm_program *program, pm_node input);
+// Returns the numbers of an input, as above. NULL: the node is PM_NO_NODE, or no output depends on
+// it, so that nothing needs to be written.
+double *pm_program_input(pm_program *program, pm_node x);
 
 // Computes the outputs for `batch` items, 0 < batch <= capacity. Sums over the batch sum these
 // items.
@@ -40,8 +41,6 @@ void pm_program_run(pm_program *program, int batch);
 void pm_program_prepare(pm_program *program);
 void pm_program_run_prepared(pm_program *program, int batch);
 
-// Returns the number of multiply-adds in the matrix products of one run.
-double pm_program_multiply_adds(const pm_program *program, int batch);
 // Returns the bytes of planned memory.
 size_t pm_program_bytes(const pm_program *program);
 

@@ -30,24 +30,17 @@ pm_status pm_local_run_start(pm_local_run *run, const double *z) {
     return book(run);
 }
 
-// Puts the values that are replayed in the next step in the place of the present ones.
-static pm_status take_live(const pm_local_run *run) {
-    const pm_setup *setup = run->setup;
-    const long step = run->sample.step;
-    const size_t n = (size_t)setup->scene->nlive;
-    if (setup->replay == NULL) {
-        return PM_OK;
-    }
-    if (step >= setup->replayed) {
-        return pm_fail(PM_EDATA, "%s: the recording that is replayed ends after step %lld",
-                       setup->replay_path, (long long)setup->replayed);
-    }
-    memcpy(setup->live, setup->replay + (size_t)step * n, n * sizeof *setup->live);
-    return PM_OK;
-}
-
 pm_status pm_local_run_step(pm_local_run *run) {
-    PM_TRY(take_live(run));
+    const pm_setup *setup = run->setup;
+    if (setup->replay != NULL) {
+        const size_t n = (size_t)setup->scene->network.nlive;
+        const long step = run->sample.step;
+        if (step >= setup->replayed) {
+            return pm_fail(PM_EDATA, "%s: the recording that is replayed ends after step %lld",
+                           setup->replay_path, (long long)setup->replayed);
+        }
+        memcpy(setup->live, setup->replay + (size_t)step * n, n * sizeof *setup->live);
+    }
     PM_TRY(pm_monolithic_step(run->monolithic));
     return book(run);
 }

@@ -5,9 +5,9 @@
 // co-energies. The state of a subsystem has the value only.
 enum { VALUE, ENERGY_SLOPE, ENTROPY_SLOPE, QUANTITIES };
 
-// Writes the names of one quantity of a layout to name and unit [layout->nz]. PM_ENOMEM.
-static pm_status write_names(const char *owner, const pm_layout *layout, int quantity,
-                             const char **name, const char **unit, pm_arena *arena) {
+// Writes the names of one quantity of a layout to name and unit [layout->nz].
+static void write_names(const char *owner, const pm_layout *layout, int quantity, const char **name,
+                        const char **unit, pm_arena *arena) {
     static const char *const derivative[QUANTITIES] = {"", "dE/d", "dS/d"};
     static const char *const before[QUANTITIES] = {"", "J/(", "J/K/("};
     for (int g = 0; g < layout->ngroup; ++g) {
@@ -18,36 +18,31 @@ static pm_status write_names(const char *owner, const pm_layout *layout, int qua
             name[c] = pm_arena_printf(arena, "%s.%s%s[%d]", owner, derivative[quantity],
                                       group->name, c - group->first);
             unit[c] = group_unit;
-            if (name[c] == NULL || group_unit == NULL) {
-                return pm_fail(PM_ENOMEM, "out of memory for the names of %s", owner);
-            }
         }
     }
-    return PM_OK;
 }
 
 pm_status pm_scene_variable_names(pm_scene_variables *variables, const pm_scene *scene,
                                   pm_arena *arena) {
     pm_scene_variables *v = variables;
-    v->name = pm_arena_array(arena, (size_t)scene->nz, sizeof *v->name);
-    v->unit = pm_arena_array(arena, (size_t)scene->nz, sizeof *v->unit);
-    v->input_name = pm_arena_array(arena, (size_t)scene->nprescribed, sizeof *v->input_name);
-    v->input_unit = pm_arena_array(arena, (size_t)scene->nprescribed, sizeof *v->input_unit);
-    if (v->name == NULL || v->unit == NULL || v->input_name == NULL || v->input_unit == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the names of scene %s", scene->name);
+    v->name = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *v->name);
+    v->unit = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *v->unit);
+    v->input_name =
+        pm_arena_array(arena, (size_t)scene->physics.nprescribed, sizeof *v->input_name);
+    v->input_unit =
+        pm_arena_array(arena, (size_t)scene->physics.nprescribed, sizeof *v->input_unit);
+    PM_TRY(pm_arena_status(arena, "the names of scene %s", scene->name));
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
+        write_names(s->name, &s->layout, VALUE, v->name + s->first, v->unit + s->first, arena);
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &scene->subsystem[i];
-        PM_TRY(
-            write_names(s->name, &s->layout, VALUE, v->name + s->first, v->unit + s->first, arena));
-    }
-    for (int i = 0; i < scene->nboundary_input; ++i) {
-        const pm_scene_boundary_input *b = &scene->boundary_input[i];
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        const pm_scene_boundary_input *b = &scene->physics.boundary_input[i];
         for (int quantity = 0; quantity < QUANTITIES; ++quantity) {
             const int first = b->first + quantity * b->layout.nz;
-            PM_TRY(write_names(b->name, &b->layout, quantity, v->input_name + first,
-                               v->input_unit + first, arena));
+            write_names(b->name, &b->layout, quantity, v->input_name + first, v->input_unit + first,
+                        arena);
         }
     }
-    return PM_OK;
+    return pm_arena_status(arena, "the names of scene %s", scene->name);
 }

@@ -47,24 +47,17 @@ static void copy_ledger(portmet_scene *s) {
     }
 }
 
-static pm_status hold_inputs(portmet_scene *s) {
-    const int n = s->setup.scene->nprescribed;
+// Takes over `scene`.
+static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights) {
+    const int n = scene->physics.nprescribed;
+    PM_TRY(pm_setup_open(&s->setup, scene, weights));
+    PM_TRY(pm_setup_complete(&s->setup, PM_TO_SERVE));
     s->input = pm_arena_array(&s->setup.arena, (size_t)n, sizeof *s->input);
-    if (s->input == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
-    }
+    PM_TRY(pm_arena_status(&s->setup.arena, "boundary inputs"));
     for (int i = 0; i < n; ++i) {
         s->input[i] = NAN;
     }
     s->setup.boundary_input.held = s->input;
-    return PM_OK;
-}
-
-// Takes over `scene`.
-static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights) {
-    PM_TRY(pm_setup_open(&s->setup, scene, weights));
-    PM_TRY(pm_setup_complete(&s->setup, PM_TO_SERVE));
-    PM_TRY(hold_inputs(s));
     PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
     PM_TRY(pm_local_run_open(&s->run, &s->setup, false));
     copy_ledger(s);
@@ -135,15 +128,13 @@ static pm_status end_recording(portmet_scene *scene) {
     return pm_recording_close(recording);
 }
 
-static pm_status restart(portmet_scene *scene, const double *z) {
-    PM_TRY(end_recording(scene));
-    const pm_status status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
-    copy_ledger(scene);
-    return status;
-}
-
 int portmet_scene_restart(portmet_scene *scene, const double *z) {
-    return (int)restart(scene, z);
+    pm_status status = end_recording(scene);
+    if (status == PM_OK) {
+        status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
+        copy_ledger(scene);
+    }
+    return (int)status;
 }
 
 int64_t portmet_scene_steps(const portmet_scene *scene) {
@@ -155,28 +146,29 @@ double portmet_scene_time(const portmet_scene *scene) {
 }
 
 double portmet_scene_dt(const portmet_scene *scene) {
-    return scene->setup.scene->dt;
+    return scene->setup.scene->physics.dt;
 }
 
 int64_t portmet_scene_planned(const portmet_scene *scene) {
-    return scene->setup.scene->steps;
+    return scene->setup.scene->run.steps;
 }
 
 // --- arrays and names ---
 
 const double *portmet_scene_array(const portmet_scene *scene, int array, size_t *size) {
     const pm_sample *sample = &scene->run.sample;
-    const size_t nsubsystem = (size_t)scene->setup.scene->nsubsystem;
+    const size_t nsubsystem = (size_t)scene->setup.scene->physics.nsubsystem;
     const struct {
         const double *value;
         size_t size;
     } arrays[] = {
-        [PORTMET_STATE] = {sample->z, (size_t)scene->setup.scene->nz},
+        [PORTMET_STATE] = {sample->z, (size_t)scene->setup.scene->physics.nz},
         [PORTMET_ENERGY] = {sample->energy, nsubsystem},
         [PORTMET_ENTROPY] = {sample->entropy, nsubsystem},
         [PORTMET_BULK_ENERGY] = {sample->bulk_energy, nsubsystem},
         [PORTMET_BULK_ENTROPY] = {sample->bulk_entropy, nsubsystem},
-        [PORTMET_FLUX] = {(const double *)sample->flux, 8 * (size_t)scene->setup.scene->nport},
+        [PORTMET_FLUX] = {(const double *)sample->flux,
+                          8 * (size_t)scene->setup.scene->physics.nport},
         [PORTMET_LEDGER] = {scene->ledger, PORTMET_LEDGER_SIZE},
     };
     if (array < 0 || array >= (int)(sizeof arrays / sizeof arrays[0])) {
@@ -189,7 +181,7 @@ const double *portmet_scene_array(const portmet_scene *scene, int array, size_t 
 }
 
 double *portmet_scene_inputs(portmet_scene *scene, size_t *size) {
-    const int n = scene->setup.scene->nprescribed;
+    const int n = scene->setup.scene->physics.nprescribed;
     if (size != NULL) {
         *size = (size_t)n;
     }
@@ -200,35 +192,29 @@ static const char *name_of(const char *const *name, int count, size_t index) {
     return index < (size_t)count ? name[index] : NULL;
 }
 
-static const char *name_of_port(const pm_scene *scene, int kind, size_t index) {
-    if (index >= (size_t)scene->nport) {
-        return NULL;
-    }
-    const pm_scene_port *port = &scene->port[index];
-    return kind == PORTMET_PORT ? port->name
-                                : pm_scene_end_name(scene, port, kind == PORTMET_PORT_B);
-}
-
 const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t index) {
     const pm_scene *s = scene->setup.scene;
     const pm_scene_variables *v = &scene->variables;
     switch (kind) {
     case PORTMET_SUBSYSTEM:
-        return index < (size_t)s->nsubsystem ? s->subsystem[index].name : NULL;
+        return index < (size_t)s->physics.nsubsystem ? s->physics.subsystem[index].name : NULL;
     case PORTMET_VARIABLE:
-        return name_of(v->name, s->nz, index);
+        return name_of(v->name, s->physics.nz, index);
     case PORTMET_VARIABLE_UNIT:
-        return name_of(v->unit, s->nz, index);
+        return name_of(v->unit, s->physics.nz, index);
     case PORTMET_PORT:
     case PORTMET_PORT_A:
     case PORTMET_PORT_B:
-        return name_of_port(s, kind, index);
+        return index >= (size_t)s->physics.nport ? NULL
+               : kind == PORTMET_PORT
+                   ? s->physics.port[index].name
+                   : pm_scene_end_name(s, &s->physics.port[index], kind == PORTMET_PORT_B);
     case PORTMET_INPUT:
-        return name_of(v->input_name, s->nprescribed, index);
+        return name_of(v->input_name, s->physics.nprescribed, index);
     case PORTMET_INPUT_UNIT:
-        return name_of(v->input_unit, s->nprescribed, index);
+        return name_of(v->input_unit, s->physics.nprescribed, index);
     case PORTMET_REFERENCE:
-        return name_of(&s->reference, 1, index);
+        return name_of(&s->run.reference, 1, index);
     case PORTMET_SCENE:
         return name_of(&s->name, 1, index);
     default:

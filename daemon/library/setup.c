@@ -2,11 +2,14 @@
 #include "library/setup.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include "base/child.h"
 #include "base/digest.h"
-#include "library/estimated_start.h"
 #include "scene/live_replay.h"
 
 // Relative difference of two time steps that are meant to be equal; decimal fractions are rounded.
@@ -14,9 +17,9 @@
 
 // Returns the first subsystem whose initial state must come from the reference, or NULL.
 static const pm_scene_subsystem *needs_reference(const pm_scene *scene) {
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (scene->subsystem[i].initial == NULL) {
-            return &scene->subsystem[i];
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        if (scene->physics.subsystem[i].initial == NULL) {
+            return &scene->physics.subsystem[i];
         }
     }
     return NULL;
@@ -24,76 +27,119 @@ static const pm_scene_subsystem *needs_reference(const pm_scene *scene) {
 
 static pm_status load_reference(pm_setup *setup) {
     const pm_scene *scene = setup->scene;
-    const pm_status status = pm_dataset_load(&setup->reference, scene->reference);
+    const pm_status status = pm_dataset_load(&setup->reference, scene->run.reference);
     if (status != PM_OK) {
-        return pm_fail(status, "%s: %s", scene->reference_at, pm_error());
+        return pm_fail(status, "%s: %s", scene->run.reference_at, pm_error());
     }
     const pm_dataset *reference = setup->reference;
-    PM_TRY(pm_system_check_dataset(setup->system, reference, scene->reference));
-    if (scene->reference_trajectory < 0 || scene->reference_trajectory >= reference->ntrajectory) {
+    PM_TRY(pm_system_check_dataset(setup->system, reference, scene->run.reference));
+    if (scene->run.reference_trajectory < 0 ||
+        scene->run.reference_trajectory >= reference->ntrajectory) {
         return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
-                       scene->reference_trajectory_at, scene->reference_trajectory,
-                       scene->reference, reference->ntrajectory);
+                       scene->run.reference_trajectory_at, scene->run.reference_trajectory,
+                       scene->run.reference, reference->ntrajectory);
     }
     PM_TRY(pm_columns_bind(&setup->columns, scene, reference, &setup->arena));
-    const double stride = round(reference->dt / scene->dt);
-    if (stride < 1 || fabs(reference->dt - stride * scene->dt) > TIME_TOLERANCE * reference->dt) {
-        return pm_fail(PM_EDATA,
-                       "%s: %s: dt %g s: expected a whole multiple of the scene's dt %g s",
-                       scene->reference_at, scene->reference, reference->dt, scene->dt);
+    const double stride = round(reference->dt / scene->physics.dt);
+    if (stride < 1 ||
+        fabs(reference->dt - stride * scene->physics.dt) > TIME_TOLERANCE * reference->dt) {
+        return pm_fail(
+            PM_EDATA, "%s: %s: dt %g s: expected a whole multiple of the scene's dt %g s",
+            scene->run.reference_at, scene->run.reference, reference->dt, scene->physics.dt);
     }
     setup->stride = (int)stride;
     return PM_OK;
 }
 
-// Estimates the state in which the measurements of the reference begin.
+// Estimates the state in which the measurements of the reference begin. This is the one place where
+// what is served depends on the trainer: the program portmet-train computes the state, and writes
+// it to a temporary file. It is looked for in the folder of the running program, then in PATH.
+// PM_EFILE: the program is not found, or no temporary file can be made; PM_EDATA: it fails, after
+// having said why on standard error.
 static pm_status estimate_initial(pm_setup *setup) {
+    static const char name[] = "portmet-train";
     const pm_scene *scene = setup->scene;
+    const char *folder = getenv("TMPDIR"), *weights = setup->weights;
+    char program[4096], output[4096], seconds[40], trajectory[40];
+    const ssize_t length = readlink("/proc/self/exe", program, sizeof program - sizeof name - 1);
+    program[length > 0 ? length : 0] = '\0';
+    char *slash = strrchr(program, '/');
+    if (slash != NULL) {
+        memcpy(slash + 1, name, sizeof name);
+    }
+    if (slash == NULL || access(program, X_OK) != 0) {
+        memcpy(program, name, sizeof name);
+    }
+    snprintf(output, sizeof output, "%s/portmet-start-XXXXXX", folder == NULL ? "/tmp" : folder);
+    const int file = mkstemp(output);
+    if (file < 0) {
+        return pm_fail(PM_EFILE, "%s: cannot be made", output);
+    }
+    close(file);
+    snprintf(seconds, sizeof seconds, "%.17g", scene->run.reference_estimate);
+    snprintf(trajectory, sizeof trajectory, "%d", scene->run.reference_trajectory);
+    char *argv[] = {program,
+                    "evaluate",
+                    (char *)scene->path,
+                    "--data",
+                    (char *)scene->run.reference,
+                    "--estimate",
+                    seconds,
+                    "--trajectories",
+                    trajectory,
+                    "--states",
+                    output,
+                    weights == NULL ? NULL : "--weights",
+                    (char *)weights,
+                    NULL};
     pm_dataset *states = NULL;
     pm_columns columns;
-    pm_status status;
-    PM_TRY_DONE(pm_estimated_start(scene, setup->weights, &states));
+    pm_status status = PM_OK;
+    int code;
+    const int error = pm_child_run(argv, true, &code);
+    if (error != 0) {
+        status = pm_fail(PM_EFILE, "%s: `estimate` needs the program portmet-train: %s",
+                         scene->run.reference_at, strerror(error));
+    } else if (code != 0) {
+        status = pm_fail(PM_EDATA, "%s: portmet-train evaluate --estimate failed, see above",
+                         scene->run.reference_at);
+    }
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(pm_dataset_load(&states, output));
     PM_TRY_DONE(pm_columns_bind(&columns, scene, states, &setup->arena));
     pm_columns_to_state(&columns, pm_dataset_state(states, 0, 0), setup->initial);
 done:
+    unlink(output);
     pm_dataset_free(states);
     return status;
 }
 
-static pm_status find_initial(pm_setup *setup) {
+// Allocates and finds the values of live inputs and the state at the start.
+static pm_status find_start(pm_setup *setup) {
     const pm_scene *scene = setup->scene;
-    setup->initial = pm_arena_array(&setup->arena, (size_t)scene->nz, sizeof(double));
-    if (setup->initial == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", scene->path);
+    const size_t nlive = (size_t)scene->network.nlive, nz = (size_t)scene->physics.nz;
+    setup->live = pm_arena_array(&setup->arena, nlive, sizeof *setup->live);
+    setup->initial = pm_arena_array(&setup->arena, nz, sizeof *setup->initial);
+    PM_TRY(pm_arena_status(&setup->arena, "%s", scene->path));
+    for (int i = 0; i < scene->network.nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->network.live_input[i];
+        memcpy(setup->live + input->first, input->start,
+               (size_t)input->count * sizeof *input->start);
     }
+    setup->boundary_input.live = setup->live;
     if (setup->reference != NULL) {
         pm_columns_to_state(&setup->columns, pm_setup_truth(setup, 0), setup->initial);
     }
-    if (scene->reference_estimate > 0 && needs_reference(scene) != NULL) {
+    if (scene->run.reference_estimate > 0 && needs_reference(scene) != NULL) {
         PM_TRY(estimate_initial(setup));
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
         if (subsystem->initial != NULL) {
             memcpy(setup->initial + subsystem->first, subsystem->initial,
                    (size_t)subsystem->layout.nz * sizeof(double));
         }
     }
-    return PM_OK;
-}
-
-static pm_status start_live_inputs(pm_setup *setup) {
-    const pm_scene *scene = setup->scene;
-    setup->live = pm_arena_array(&setup->arena, (size_t)scene->nlive, sizeof *setup->live);
-    if (setup->live == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", scene->path);
-    }
-    for (int i = 0; i < scene->nlive_input; ++i) {
-        const pm_scene_live_input *input = &scene->live_input[i];
-        memcpy(setup->live + input->first, input->start,
-               (size_t)input->count * sizeof *input->start);
-    }
-    setup->boundary_input.live = setup->live;
     return PM_OK;
 }
 
@@ -105,7 +151,7 @@ pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights) {
 pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
     const pm_scene *scene = setup->scene;
     const pm_scene_subsystem *needs = needs_reference(scene);
-    if (needs != NULL && scene->reference == NULL) {
+    if (needs != NULL && scene->run.reference == NULL) {
         if (purpose == PM_TO_DESCRIBE) {
             return PM_OK;
         }
@@ -114,8 +160,8 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
                        "subsystem, or a `reference` trajectory",
                        needs->at, needs->name);
     }
-    const bool follows = needs != NULL || scene->nboundary_input > 0;
-    const bool states = scene->reference != NULL && scene->reference_estimate == 0;
+    const bool follows = needs != NULL || scene->physics.nboundary_input > 0;
+    const bool states = scene->run.reference != NULL && scene->run.reference_estimate == 0;
     if (states && (follows || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
     }
@@ -123,12 +169,11 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
                                   &setup->arena));
     if (setup->reference != NULL) {
         pm_boundary_input_follow(&setup->boundary_input, setup->reference,
-                                 scene->reference_trajectory);
+                                 scene->run.reference_trajectory);
     }
-    PM_TRY(start_live_inputs(setup));
-    PM_TRY(find_initial(setup));
+    PM_TRY(find_start(setup));
     setup->system->digest =
-        pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->nz);
+        pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->physics.nz);
     setup->system->digest = pm_boundary_input_digest(&setup->boundary_input, setup->system->digest);
     return PM_OK;
 }
@@ -146,7 +191,8 @@ static bool is_same_file(const char *path, const struct stat *other) {
 
 const char *pm_setup_input(const pm_setup *setup, const char *path) {
     const pm_scene *scene = setup->scene;
-    const char *const own[] = {scene->path, scene->key_file, scene->reference, setup->replay_path};
+    const char *const own[] = {scene->path, scene->network.key_file, scene->run.reference,
+                               setup->replay_path};
     struct stat file;
     if (stat(path, &file) != 0) {
         return NULL;
@@ -156,10 +202,8 @@ const char *pm_setup_input(const pm_setup *setup, const char *path) {
             return own[i];
         }
     }
-    for (int i = 0; i < scene->nsubsystem + scene->nport; ++i) {
-        const pm_provenance *weights = i < scene->nsubsystem
-                                           ? setup->system->part_provenance[i]
-                                           : setup->system->port_provenance[i - scene->nsubsystem];
+    for (int i = 0; i < scene->physics.nsubsystem + scene->physics.nport; ++i) {
+        const pm_provenance *weights = setup->system->component[i].provenance;
         if (is_same_file(weights->path, &file)) {
             return weights->path;
         }
@@ -175,5 +219,5 @@ void pm_setup_free(pm_setup *setup) {
 }
 
 const double *pm_setup_truth(const pm_setup *setup, int time_id) {
-    return pm_dataset_state(setup->reference, setup->scene->reference_trajectory, time_id);
+    return pm_dataset_state(setup->reference, setup->scene->run.reference_trajectory, time_id);
 }

@@ -41,8 +41,8 @@ typedef struct pm_setup {
 pm_status pm_setup_open(pm_setup *setup, pm_scene *scene, const char *weights);
 
 // Completes the setup with the reference, the boundary inputs and the initial state. Each subsystem
-// starts from its `initial`, or else from the first state of the reference, which is estimated if
-// the reference holds measurements (library/estimated_start.h). The function updates
+// starts from its `initial`, or else from the first state of the reference, which is estimated by
+// the program portmet-train if the reference holds measurements. The function updates
 // system->digest with the initial state and the boundary inputs, so that the processes of hosts
 // with different references refuse each other. PM_ECONFIG: a subsystem has neither an `initial` nor
 // a reference, except for PM_TO_DESCRIBE; or the reference does not contain the trajectory whose

@@ -1,51 +1,26 @@
-// The inside of a coordinator, private to its four files and to tests: lockstep_coordinator.c
-// polls, grants steps, enters them in the ledger and ends the run; coordinator_messages.c handles
-// messages; coordinator_checkpoint.c saves and loads the checkpoint; coordinator_state.c holds
-// functions that these three share. Each file calls only files named after it.
+// The coordinator of a distributed run: a state machine driven by messages and time (coordinator.c
+// has its table of states). It grants steps to the nodes, assembles every step's reports into a
+// sample, enters the sample in the ledger, and hands it to an observer. No function blocks;
+// pm_lockstep_run_coordinator drives it.
 //
-// The state machine. GATHERING, STEPPING and HELD are one phase, PM_COORDINATOR_RUNNING; the
-// members `completed` and `held` tell these states apart. `patience` is a key of the scene, in s. A
-// coordinator that is started with a checkpoint begins in STEPPING with a tick. A tick and a
-// command that answer a hello repeat its nonce (identity.h). Hellos and notices (FAILED, BYE) of
-// processes count only if they name this coordinator, which shows that they are not of an earlier
-// run. "The observer" is the set of functions in lockstep_coordinator.h.
+// Life cycle: it opens a session and collects the initial state from every node. It then grants
+// steps ahead of the last one that all have completed (lookahead.h) until the last step. It ends
+// the run with END, or with ABORT on any failure, and is finished when all nodes have said BYE or a
+// short time has passed. Nodes with another digest or version are refused by name, and so is a
+// second coordinator of the same session.
 //
-// state      awaits             message or time-out              next       sends
-// ---------  -----------------  -------------------------------  ---------  ---------------------
-// GATHERING  every process's    0.1 s passed                     GATHERING  hello
-//            report of step 0   hello with another digest        CLOSING    REFUSE to the sender
-//                               every report has arrived         STEPPING   tick, ledger
-// STEPPING   reports of         every report of a step arrived   STEPPING   tick, ledger
-//            granted steps,     flux that shows progress         STEPPING   tick if it may grant
-//            or fluxes that     request for a tick               STEPPING   tick
-//            show progress      no further step may be granted   HELD       tell the observer
-//                               every report of the last step    CLOSING    ledger
-// HELD       a larger number    gate file with a larger number   STEPPING   tick
-//            in the gate file;  every value of the next step     STEPPING   tick
-//            live inputs; the     has arrived
-//            clock              the next step is due             STEPPING   tick
-//                               time to request (waiting.h)      HELD       tick, as a sign of life
-// any of                        1 s passed                       the same   health
-// these                         hello that names another         the same   hello
-// three                           coordinator, or none
-//                               hello of a process that fits     the same   tick
-//                               time to request, not HELD        the same   request for fluxes,
-//                                                                           then for reports
-//                               a process silent for 2 s         the same   tell the observer
-//                               a process silent for patience    CLOSING
-//                               no progress in 3 patience,       CLOSING
-//                                 though every process sends
-//                               report FAILED; own failure       CLOSING
-//                               two reports of a step that       CLOSING
-//                                 contradict each other; BYE:
-//                                 a message was forged
-//                               hello of a later coordinator     the same   REFUSE to the sender
-//                               REFUSE that answers its hello    FINISHED
-// CLOSING    BYE of every       0.02 s passed                    CLOSING    END, or ABORT
-//            process            hello                            CLOSING    END; after a failure
-//                                                                             REFUSE
-//                               every BYE, or END or ABORT       FINISHED
-//                                 was sent 11 times
+// Live inputs and pace: a step is granted when the values of its live inputs are there
+// (live_inputs.h), and no sooner than the scene's pace allows (pace.h).
+//
+// Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
+// held there it repeats its last tick, which shows the nodes that it is alive. As at any other
+// step, the run fails if a node is silent for longer than the scene's patience.
+//
+// Death and return: with a checkpoint it saves its ledger and its observer's state at the steps at
+// which the nodes save theirs (node.h), and after the last step before END. After a
+// restart it continues from there and requests the reports that it missed. The coordinator never
+// removes checkpoint files. The program that started the processes removes them at the end of the
+// run.
 #ifndef PM_LOCKSTEP_COORDINATOR_H
 #define PM_LOCKSTEP_COORDINATOR_H
 
@@ -53,22 +28,113 @@
 #include "lockstep/gate.h"
 #include "lockstep/health.h"
 #include "lockstep/live_inputs.h"
-#include "lockstep/lockstep_coordinator.h"
 #include "lockstep/pace.h"
-#include "lockstep/remote_process.h"
-#include "lockstep/report_window.h"
+#include "lockstep/reports.h"
+#include "sim/ledger.h"
 #include "sim/step_controller.h"
 #include "store/snapshot.h"
 
+typedef struct pm_lockstep_coordinator pm_lockstep_coordinator;
+
+// Functions that the coordinator calls during the run, each with `context`. A status other than
+// PM_OK ends the run.
+typedef struct pm_lockstep_observer {
+    void *context;
+    // Called once for each completed step in order, from step 0 (the initial state). The sample is
+    // valid during the call; its z only with want_state.
+    pm_status (*step)(void *context, const pm_sample *sample);
+    // Called when the run pauses because the nodes `silent` (names, separated by commas) are
+    // silent, and with "" when it continues. May be NULL.
+    void (*pause)(void *context, const char *silent);
+    // Called once each time the gate holds the run: every process waits after `step`. May be NULL.
+    void (*hold)(void *context, long step);
+    // Puts the observer's numbers after its last step into the record, or restores them. May be
+    // NULL.
+    void (*record)(void *context, pm_record *record);
+    // Called once a second with the health of the run (health.h). May be NULL.
+    void (*health)(void *context, const portmet_health_t *health);
+    // Called with a warning for the user: one process makes all others wait, or messages to a
+    // process get lost. Each warning is given once. May be NULL.
+    void (*warn)(void *context, const char *text);
+    // Called before a checkpoint is written: the observer flushes its files, so that they survive
+    // the death of the process. May be NULL.
+    pm_status (*flush)(void *context);
+    // Called after the observer's numbers have been restored: it continues after `step`. May be
+    // NULL.
+    pm_status (*resume)(void *context, long step);
+} pm_lockstep_observer;
+
+typedef struct pm_lockstep_coordinator_options {
+    long steps;                    // of the run; 0: as the scene says
+    int64_t session;               // > 0: only nodes that were started for this session join; 0:
+                                   // the session is drawn at random (pm_lockstep_session), and
+                                   // nodes that were started without a session join
+    bool want_state;               // the observer needs z
+    pm_lockstep_observer observer; // step may be NULL
+    const char *checkpoint;        // file of checkpoints; the run continues from it if it holds the
+                                   // session `session`, or any session where `session` is 0; NULL:
+                                   // no checkpoints
+    const char *gate;              // file with the number of steps that may be granted (gate.h);
+                                   // NULL: all of them
+    const double *replay; // [replayed][scene->nlive] values of the live inputs in each step; NULL:
+    int64_t replayed;     // they arrive on their channels
+} pm_lockstep_coordinator_options;
+
+// Returns a random number of 63 bits for a new session, so that two runs are unlikely to share it.
+int64_t pm_lockstep_session(void);
+
+// Opens a coordinator and subscribes to its channels; it publishes nothing before the first poll.
+// `system`, `transport` and the data that `options` (may be NULL) points to must outlive the
+// coordinator. Nobody may wait on the transport after the coordinator is closed. PM_ECONFIG,
+// PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and what the observer's resume
+// returns.
+pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
+                                       const pm_system *system, pm_transport *transport,
+                                       const pm_lockstep_coordinator_options *options);
+void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
+
+// These functions do for a coordinator what pm_lockstep_node_poll, _fail and _finished do for a
+// node; `clock` in s, monotonic.
+double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double clock);
+void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
+                                  const char *message);
+bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator);
+
+// Returns PM_OK after the last step; otherwise the failure, with pm_error() set to its description.
+// PM_ETIMEOUT: the nodes named in the description stayed silent; PM_ENET: a node or this
+// coordinator was refused; PM_ELAW: a law was violated; a node's own code when it failed; what the
+// observer returned.
+pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
+
+// Returns the number of processes that have said hello.
+int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
+
+// These functions return the ledger of the completed steps, how the run kept its pace, the
+// transport that the coordinator was opened on, and the counts of used and dropped messages. The
+// coordinator owns ledger, pace and counts.
+const pm_pace *pm_lockstep_coordinator_pace(const pm_lockstep_coordinator *coordinator);
+const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
+pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
+const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);
+
+// Drives a coordinator until the run is over, and returns its result, as pm_lockstep_run_node does.
+pm_status pm_lockstep_run_coordinator(pm_lockstep_coordinator *coordinator,
+                                      const volatile sig_atomic_t *stop);
+
+// --- the inside of a coordinator, for coordinator.c and for tests ---
+
 typedef enum pm_coordinator_phase {
-    PM_COORDINATOR_RUNNING,
-    PM_COORDINATOR_CLOSING,
+    PM_COORDINATOR_GATHERING, // not every process has reported the initial state
+    PM_COORDINATOR_STEPPING,
+    PM_COORDINATOR_HELD,    // every granted step is complete, and no more can be granted
+    PM_COORDINATOR_CLOSING, // this one and the next: the run is over
     PM_COORDINATOR_FINISHED
 } pm_coordinator_phase;
 
 struct pm_lockstep_coordinator {
     pm_endpoint endpoint;
     pm_arena arena;
+    const pm_scene *scene;
     pm_lockstep_observer observer;
     bool want_state; // reports carry the state z
     bool sums;       // reports have sums, and list only some subsystems
@@ -78,7 +144,6 @@ struct pm_lockstep_coordinator {
     pm_coordinator_phase phase;
     double next;     // s, when the next command is due
     int commands;    // END or ABORT sent so far
-    bool said_hello; // at least once
     double hello_at; // s, when the next hello is due
 
     int lookahead;              // most steps granted beyond the last complete one (lookahead.h)
@@ -89,7 +154,6 @@ struct pm_lockstep_coordinator {
     bool fluxes_requested;      // this wait has requested fluxes; it requests reports next
     double moved;               // s, when a process last made progress
     bool paused;                // the observer was told that the run pauses
-    bool held;                  // every granted step is complete, and no more can be granted
     bool tick_wanted;           // the next poll publishes a tick that answers a message
     double ticked_at;           // s, when the last tick was published
     bool hello_wanted;          // the next poll publishes a hello, since a process named another
@@ -116,49 +180,5 @@ struct pm_lockstep_coordinator {
     char ledger_channel[PM_CHANNEL_SIZE];
     double ledger_at; // s, when the next ledger message may be published
 };
-
-// --- state (coordinator_state.c) ---
-
-// Ends the run if `status` is a failure. Message handlers, which cannot return a status, call this
-// function.
-void pm_coordinator_check(pm_lockstep_coordinator *coordinator, pm_status status);
-
-// Enters CLOSING. Processes then receive END if the endpoint's status is PM_OK, and ABORT
-// otherwise.
-void pm_coordinator_close_run(pm_lockstep_coordinator *coordinator);
-
-// Returns the number of steps that may be granted when the reports of the first `complete` steps
-// have arrived. It is at most `complete` plus the lookahead, and at most the number that the gate,
-// the pace and the live inputs allow. If fluxes show progress, it is also at most a window beyond
-// the slowest process.
-int64_t pm_coordinator_grant_limit(const pm_lockstep_coordinator *coordinator, int64_t complete);
-
-// Returns the number of steps that every process has completed, as far as reports and fluxes show.
-int64_t pm_coordinator_steps_shown(const pm_lockstep_coordinator *coordinator);
-
-// Enters the complete sample of a step, or the sums of its reports and the ports between processes,
-// in the ledger. Fails as pm_ledger_book does.
-pm_status pm_coordinator_enter(pm_lockstep_coordinator *coordinator, pm_sample *sample);
-
-// Returns true if the gate allows no step beyond those that are granted.
-bool pm_coordinator_is_at_gate(const pm_lockstep_coordinator *coordinator);
-
-// --- messages (coordinator_messages.c) ---
-
-// Opens the endpoint and subscribes to reports, to all requests, and to fluxes if they show
-// progress. `session` is the session that the coordinator was started for, or 0. PM_ECONFIG,
-// PM_ENET, PM_ENOMEM.
-pm_status pm_coordinator_listen(pm_lockstep_coordinator *coordinator, int64_t session);
-
-// --- checkpoint (coordinator_checkpoint.c) ---
-
-// Continues from the checkpoint file if it holds a checkpoint of `session` (0: of any session).
-// Otherwise writes a first checkpoint, so that a restarted coordinator knows the session of this
-// run. Does nothing without a checkpoint file. PM_EFILE, PM_ENOMEM, and what the observer's resume
-// returns.
-pm_status pm_coordinator_load_checkpoint(pm_lockstep_coordinator *coordinator, int64_t session);
-
-// Writes the checkpoint of the step `completed`. PM_EFILE, and what the observer's flush returns.
-pm_status pm_coordinator_save_checkpoint(pm_lockstep_coordinator *coordinator);
 
 #endif

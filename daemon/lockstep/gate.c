@@ -10,22 +10,6 @@
 #define READ_INTERVAL 0.005 // s
 #define MOST_TEXT 32        // bytes read; no number of steps takes as many
 
-static pm_status parse(const char *path, const char *text, int64_t *steps) {
-    char *end;
-    errno = 0;
-    const long long value = strtoll(text, &end, 10);
-    if (end == text && text[strspn(text, " \t\n")] == 0) {
-        *steps = 0; // empty: the number is yet to be written
-        return PM_OK;
-    }
-    if (errno != 0 || end == text || end[strspn(end, " \t\n")] != 0 || value < 0) {
-        return pm_fail(PM_EFILE, "%s: expected a number of steps, found \"%.*s\"", path,
-                       (int)strcspn(text, "\n"), text);
-    }
-    *steps = value;
-    return PM_OK;
-}
-
 static pm_status read_file(const char *path, int64_t *steps) {
     char text[MOST_TEXT + 1];
     const int file = open(path, O_RDONLY | O_CLOEXEC);
@@ -42,7 +26,19 @@ static pm_status read_file(const char *path, int64_t *steps) {
         return pm_fail(PM_EFILE, "%s: cannot be read: %s", path, strerror(error));
     }
     text[size] = 0;
-    return parse(path, text, steps);
+    char *end;
+    errno = 0;
+    const long long value = strtoll(text, &end, 10);
+    if (end == text && text[strspn(text, " \t\n")] == 0) {
+        *steps = 0; // empty: the number is yet to be written
+        return PM_OK;
+    }
+    if (errno != 0 || end == text || end[strspn(end, " \t\n")] != 0 || value < 0) {
+        return pm_fail(PM_EFILE, "%s: expected a number of steps, found \"%.*s\"", path,
+                       (int)strcspn(text, "\n"), text);
+    }
+    *steps = value;
+    return PM_OK;
 }
 
 pm_status pm_gate_init(pm_gate *gate, const char *path) {

@@ -1,84 +1,143 @@
-// Differences of the sums that processes tell, and what follows from them.
+// Sums of times and counts, what the system tells of this process, and what follows from the sums
+// of all processes.
 #include "lockstep/health.h"
 
+#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
-#include "lockstep/vitals.h"
 #include "transport/channel.h"
 
 #define LEAST_USED 20   // messages of a process in an interval, of which a part says something
 #define LEAST_PART 0.01 // of the time: who waits less waits for nobody
 
-// --- opening ---
+// --- vitals ---
 
-pm_status pm_health_message_alloc(portmet_health_t *message, pm_arena *arena, int nprocess) {
-    portmet_health_t *m = message;
-    double **const doubles[] = {&m->process_rate, &m->silent,     &m->cpu,
-                                &m->computing,    &m->waits_part, &m->asks,
-                                &m->answers,      &m->loss,       &m->checkpoint_age};
-    int64_t **const integers[] = {&m->process_step, &m->waits_for, &m->loses_from,
-                                  &m->drops,        &m->strange,   &m->rss};
-    const size_t count = (size_t)nprocess;
-    m->nprocess = nprocess;
-    for (size_t i = 0; i < sizeof doubles / sizeof doubles[0]; ++i) {
-        *doubles[i] = pm_arena_array(arena, count, sizeof **doubles[i]);
-        if (*doubles[i] == NULL) {
-            return pm_fail(PM_ENOMEM, "health: out of memory");
-        }
-    }
-    for (size_t i = 0; i < sizeof integers / sizeof integers[0]; ++i) {
-        *integers[i] = pm_arena_array(arena, count, sizeof **integers[i]);
-        if (*integers[i] == NULL) {
-            return pm_fail(PM_ENOMEM, "health: out of memory");
-        }
-    }
+double pm_vitals_interval(int processes) {
+    return fmax(PM_VITALS_INTERVAL, PM_VITALS_EACH * processes);
+}
+
+pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
+                         int npeer) {
+    portmet_vitals_t *m = &vitals->message;
+    PM_TRY(pm_channel_scene(vitals->channel, scene, "VITALS"));
+    vitals->interval = pm_vitals_interval(scene->network.nprocess);
+    *m = (portmet_vitals_t){.process = process_id, .npeer = npeer + 1, .ndrop = PM_NDROP};
+    PM_TRY(pm_vitals_alloc(m, arena));
+    vitals->capacity = pm_vitals_size(m);
+    vitals->data = pm_arena_alloc(arena, vitals->capacity);
+    PM_TRY(pm_arena_status(arena, "vitals of %s", scene->network.process[process_id].name));
+    m->peer[npeer] = -1;
     return PM_OK;
 }
 
-// Makes the arrays of vitals with `npeer` peers, and two more.
-static pm_status allocate(pm_arena *arena, portmet_vitals_t *v, int npeer, int64_t **more) {
-    const size_t count = (size_t)npeer;
-    int64_t *numbers = pm_arena_array(arena, 6 * count + PM_NDROP, sizeof *numbers);
-    *v = (portmet_vitals_t){.npeer = npeer, .ndrop = PM_NDROP};
-    v->waited = pm_arena_array(arena, count, sizeof *v->waited);
-    if (numbers == NULL || v->waited == NULL) {
-        return pm_fail(PM_ENOMEM, "health: out of memory");
+void pm_vitals_look(pm_vitals *vitals, double now) {
+    vitals->looked = now;
+    if (vitals->rested > 0 && vitals->begun > 0) {
+        vitals->message.waited[vitals->peer] += now - vitals->rested;
     }
-    v->peer = numbers;
-    v->asked = numbers + count;
-    v->used = numbers + 2 * count;
-    v->answered = numbers + 3 * count;
-    *more = numbers + 4 * count;
-    v->drops = numbers + 6 * count;
-    return PM_OK;
+    vitals->rested = 0;
 }
+
+void pm_vitals_rest(pm_vitals *vitals, double now, int peer) {
+    if (vitals->begun > 0) {
+        vitals->message.computing += now - vitals->looked;
+    }
+    vitals->rested = now;
+    vitals->peer = peer;
+}
+
+// Resident memory, bytes; 0 where the system does not tell. Without stdio, which would allocate.
+static int64_t read_memory(void) {
+    char text[64];
+    const int file = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+    const ssize_t size = file < 0 ? -1 : read(file, text, sizeof text - 1);
+    if (file >= 0) {
+        close(file);
+    }
+    if (size <= 0) {
+        return 0;
+    }
+    text[size] = 0;
+    char *second = text;
+    (void)strtoll(text, &second, 10);
+    return strtoll(second, NULL, 10) * sysconf(_SC_PAGESIZE);
+}
+
+static double seconds_of(struct timeval time) {
+    return (double)time.tv_sec + 1e-6 * (double)time.tv_usec;
+}
+
+pm_status pm_vitals_tell(pm_vitals *vitals, const pm_endpoint *endpoint, int64_t step,
+                         int64_t checkpoint) {
+    portmet_vitals_t *m = &vitals->message;
+    const double now = endpoint->now;
+    if (endpoint->session == 0 || (vitals->begun > 0 && now < vitals->next)) {
+        return PM_OK;
+    }
+    vitals->begun = vitals->begun > 0 ? vitals->begun : now;
+    vitals->next = now + vitals->interval;
+    m->session = endpoint->session;
+    m->elapsed = now - vitals->begun;
+    const pm_drops *below = pm_transport_drops(endpoint->transport);
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    if (checkpoint != vitals->checkpoint || vitals->saved == 0) {
+        vitals->checkpoint = checkpoint;
+        vitals->saved = vitals->looked;
+    }
+    m->step = step;
+    m->cpu = seconds_of(usage.ru_utime) + seconds_of(usage.ru_stime);
+    m->rss = read_memory();
+    m->checkpoint_age = checkpoint < 0 ? -1 : vitals->looked - vitals->saved;
+    for (int i = 0; i < PM_NDROP; ++i) {
+        m->drops[i] = endpoint->drops.count[i] + below->count[i];
+    }
+    const size_t size = pm_vitals_encode(m, vitals->data, vitals->capacity);
+    return pm_transport_publish(endpoint->transport, vitals->channel, vitals->data, size);
+}
+
+// --- health ---
 
 pm_status pm_health_init(pm_health *health, pm_arena *arena, const pm_scene *scene, int64_t digest,
                          int64_t session, int64_t steps) {
-    const int count = scene->nprocess;
-    int64_t *unused;
+    const int count = scene->network.nprocess;
     health->scene = scene;
     health->told_blocker = PM_HEALTH_NOBODY;
     PM_TRY(pm_channel_scene(health->channel, scene, "HEALTH"));
     PM_TRY(pm_channel_scene(health->vitals_channel, scene, "VITALS"));
-    PM_TRY(pm_health_message_alloc(&health->message, arena, count));
-    health->message.session = session;
-    health->message.digest = digest;
-    health->message.steps = steps;
-    PM_TRY(allocate(arena, &health->vitals, count + 1, &unused));
+    health->message =
+        (portmet_health_t){.session = session, .digest = digest, .steps = steps, .nprocess = count};
+    health->vitals = (portmet_vitals_t){.npeer = count + 1, .ndrop = PM_NDROP};
+    PM_TRY(pm_health_alloc(&health->message, arena));
+    PM_TRY(pm_vitals_alloc(&health->vitals, arena));
     health->process = pm_arena_array(arena, (size_t)count, sizeof *health->process);
     health->capacity = pm_health_size(&health->message);
     health->data = pm_arena_alloc(arena, health->capacity);
-    if (health->process == NULL || health->data == NULL) {
-        return pm_fail(PM_ENOMEM, "health: out of memory");
-    }
+    int *counted = pm_arena_array(arena, (size_t)count, sizeof *counted); // the last i for each
+    PM_TRY(pm_arena_status(arena, "health"));
     for (int i = 0; i < count; ++i) {
         pm_health_process *p = &health->process[i];
-        const int npeer = pm_vitals_neighbours(scene, i, NULL) + 1;
-        PM_TRY(allocate(arena, &p->last, npeer, &p->used));
-        p->answered = p->used + npeer;
+        const pm_scene_process *process = &scene->network.process[i];
+        int npeer = 1; // the coordinator, and the processes that exchange fluxes with this one
+        for (int k = 0; k < process->count; ++k) {
+            const int id = process->subsystem[k];
+            for (int e = scene->physics.first_end[id]; e < scene->physics.first_end[id + 1]; ++e) {
+                const int end_at = scene->physics.end_at[e];
+                const int other = scene->physics.port[end_at / 2].subsystem[1 - end_at % 2];
+                const int at = other < 0 ? i : scene->physics.subsystem[other].process;
+                npeer += at != i && counted[at] != i + 1;
+                counted[at] = i + 1;
+            }
+        }
+        p->last = (portmet_vitals_t){.npeer = npeer, .ndrop = PM_NDROP};
+        p->used = pm_arena_array(arena, (size_t)npeer, sizeof *p->used);
+        p->answered = pm_arena_array(arena, (size_t)npeer, sizeof *p->answered);
+        PM_TRY(pm_vitals_alloc(&p->last, arena));
         health->message.waits_for[i] = health->message.loses_from[i] = PM_HEALTH_NOBODY;
         health->message.checkpoint_age[i] = health->message.silent[i] = -1;
     }
@@ -123,22 +182,9 @@ static void note(pm_health *health, const portmet_vitals_t *v, double time) {
     }
 }
 
-// Copies the sums of `v`, whose arrays have the lengths of those of `last`.
-static void keep(portmet_vitals_t *last, const portmet_vitals_t *v) {
-    const size_t size = (size_t)v->npeer * sizeof(int64_t);
-    const portmet_vitals_t arrays = *last;
-    *last = *v;
-    last->peer = memcpy(arrays.peer, v->peer, size);
-    last->waited = memcpy(arrays.waited, v->waited, size);
-    last->asked = memcpy(arrays.asked, v->asked, size);
-    last->used = memcpy(arrays.used, v->used, size);
-    last->answered = memcpy(arrays.answered, v->answered, size);
-    last->drops = memcpy(arrays.drops, v->drops, (size_t)v->ndrop * sizeof(int64_t));
-}
-
 pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double now) {
     portmet_vitals_t *v = &health->vitals;
-    v->npeer = health->scene->nprocess + 1;
+    v->npeer = health->scene->network.nprocess + 1;
     v->ndrop = PM_NDROP;
     const pm_drop drop = pm_vitals_decode(v, data, size);
     if (drop != PM_KEEP) {
@@ -147,7 +193,7 @@ pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double 
     if (v->session != health->message.session) {
         return PM_DROP_SESSION;
     }
-    if (v->process < 0 || v->process >= health->scene->nprocess ||
+    if (v->process < 0 || v->process >= health->scene->network.nprocess ||
         v->npeer != health->process[v->process].last.npeer) {
         return PM_DROP_IMPLAUSIBLE;
     }
@@ -156,41 +202,22 @@ pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double 
     if (p->heard > 0 && time > 0) {
         note(health, v, time);
     }
-    keep(&p->last, v);
+    // Copies the sums, whose arrays have the lengths of those of `last`.
+    portmet_vitals_t *last = &p->last;
+    const size_t bytes = (size_t)v->npeer * sizeof(int64_t);
+    const portmet_vitals_t arrays = *last;
+    *last = *v;
+    last->peer = memcpy(arrays.peer, v->peer, bytes);
+    last->waited = memcpy(arrays.waited, v->waited, bytes);
+    last->asked = memcpy(arrays.asked, v->asked, bytes);
+    last->used = memcpy(arrays.used, v->used, bytes);
+    last->answered = memcpy(arrays.answered, v->answered, bytes);
+    last->drops = memcpy(arrays.drops, v->drops, (size_t)v->ndrop * sizeof(int64_t));
     p->heard = now;
     return PM_KEEP;
 }
 
 // --- the run ---
-
-// The part of the messages of `from` that had to be sent to process `to` again.
-static double loss_between(const pm_health *health, int from, int to) {
-    const pm_health_process *sender = &health->process[from], *receiver = &health->process[to];
-    double used = 0, again = 0;
-    for (int k = 0; k < receiver->last.npeer; ++k) {
-        used += receiver->last.peer[k] == from ? (double)receiver->used[k] : 0;
-    }
-    for (int k = 0; k < sender->last.npeer; ++k) {
-        again += sender->last.peer[k] == to ? (double)sender->answered[k] : 0;
-    }
-    return used + again < LEAST_USED ? 0 : again < used ? again / used : 1;
-}
-
-// Finds whose messages a process misses most.
-static void find_loss(pm_health *health, int to) {
-    portmet_health_t *m = &health->message;
-    const portmet_vitals_t *v = &health->process[to].last;
-    m->loss[to] = 0;
-    m->loses_from[to] = PM_HEALTH_NOBODY;
-    for (int k = 0; k < v->npeer; ++k) {
-        const int from = (int)v->peer[k];
-        const double loss = from >= 0 && from < m->nprocess ? loss_between(health, from, to) : 0;
-        if (loss > m->loss[to]) {
-            m->loss[to] = loss;
-            m->loses_from[to] = from;
-        }
-    }
-}
 
 double pm_health_silence(int processes) {
     return fmax(PM_HEALTH_SILENT, 2 * pm_vitals_interval(processes));
@@ -221,18 +248,6 @@ static int64_t find_root(const portmet_health_t *m, int64_t from) {
     return PM_HEALTH_NOBODY;
 }
 
-// The process that all others wait for, for most of the time.
-static int64_t find_blocker(const portmet_health_t *m) {
-    const int64_t blocker = m->nprocess > 1 ? find_root(m, 0) : PM_HEALTH_NOBODY;
-    for (int i = 0; i < m->nprocess && blocker != PM_HEALTH_NOBODY; ++i) {
-        if (i != blocker && (!is_waiting(m, i) || m->waits_part[i] < PM_HEALTH_BLOCKED ||
-                             find_root(m, i) != blocker)) {
-            return PM_HEALTH_NOBODY;
-        }
-    }
-    return blocker;
-}
-
 bool pm_health_is_due(pm_health *health, int64_t step, double now) {
     portmet_health_t *m = &health->message;
     if (now < health->next) {
@@ -247,9 +262,41 @@ bool pm_health_is_due(pm_health *health, int64_t step, double now) {
     health->next = now + PM_VITALS_INTERVAL;
     for (int i = 0; i < m->nprocess; ++i) {
         m->silent[i] = health->process[i].heard > 0 ? now - health->process[i].heard : -1;
-        find_loss(health, i);
+        // Whose messages the process misses most.
+        const portmet_vitals_t *v = &health->process[i].last;
+        m->loss[i] = 0;
+        m->loses_from[i] = PM_HEALTH_NOBODY;
+        for (int k = 0; k < v->npeer; ++k) {
+            const int from = (int)v->peer[k];
+            if (from < 0 || from >= m->nprocess) {
+                continue;
+            }
+            // The part of the messages of `from` that had to be sent to process i again.
+            const pm_health_process *sender = &health->process[from];
+            const pm_health_process *receiver = &health->process[i];
+            double used = 0, again = 0;
+            for (int p = 0; p < receiver->last.npeer; ++p) {
+                used += receiver->last.peer[p] == from ? (double)receiver->used[p] : 0;
+            }
+            for (int p = 0; p < sender->last.npeer; ++p) {
+                again += sender->last.peer[p] == i ? (double)sender->answered[p] : 0;
+            }
+            const double loss = used + again < LEAST_USED ? 0 : again < used ? again / used : 1;
+            if (loss > m->loss[i]) {
+                m->loss[i] = loss;
+                m->loses_from[i] = from;
+            }
+        }
     }
-    m->blocker = find_blocker(m);
+    // The process that all others wait for, for most of the time.
+    const int64_t blocker = m->nprocess > 1 ? find_root(m, 0) : PM_HEALTH_NOBODY;
+    m->blocker = blocker;
+    for (int i = 0; i < m->nprocess && m->blocker != PM_HEALTH_NOBODY; ++i) {
+        if (i != blocker && (!is_waiting(m, i) || m->waits_part[i] < PM_HEALTH_BLOCKED ||
+                             find_root(m, i) != blocker)) {
+            m->blocker = PM_HEALTH_NOBODY;
+        }
+    }
     return true;
 }
 
@@ -257,8 +304,9 @@ const char *pm_health_name(const pm_scene *scene, int64_t process_id) {
     if (process_id == PM_HEALTH_COORDINATOR) {
         return "coordinator";
     }
-    return process_id >= 0 && process_id < scene->nprocess ? scene->process[process_id].name
-                                                           : "nobody";
+    return process_id >= 0 && process_id < scene->network.nprocess
+               ? scene->network.process[process_id].name
+               : "nobody";
 }
 
 bool pm_health_warn(pm_health *health, char *text, size_t size) {
@@ -267,7 +315,7 @@ bool pm_health_warn(pm_health *health, char *text, size_t size) {
         if (m->loss[i] > PM_HEALTH_LOSS && !health->process[i].told_loss) {
             health->process[i].told_loss = true;
             snprintf(text, size, "%s had to be sent %.0f %% of the messages of %s again",
-                     health->scene->process[i].name, 100 * m->loss[i],
+                     health->scene->network.process[i].name, 100 * m->loss[i],
                      pm_health_name(health->scene, m->loses_from[i]));
             return true;
         }

@@ -1,15 +1,61 @@
-// The health of a run: how fast each process steps, which process waits for which, and between
-// which processes messages get lost. The coordinator computes it from the vitals of the processes
-// (vitals.h) and publishes it once a second.
+// Vitals are measurements that every process publishes once a second: the number of steps done, the
+// time spent computing, and the time spent waiting for each peer. The coordinator computes the
+// health of the run from them (below). A process waits for one peer at a time: the first
+// neighbour whose flux is missing, or the coordinator if no flux is missing.
 #ifndef PM_LOCKSTEP_HEALTH_H
 #define PM_LOCKSTEP_HEALTH_H
 
-#include <stdbool.h>
+#include "lockstep/endpoint.h"
 
-#include "base/arena.h"
-#include "lockstep/codec.h"
-#include "scene/scene.h"
-#include "transport/channel.h"
+// --- vitals ---
+
+// The time between two messages is PM_VITALS_INTERVAL, or PM_VITALS_EACH for each process of the
+// run if that is more, since many processes would send little else.
+#define PM_VITALS_INTERVAL 1.0 // s
+#define PM_VITALS_EACH 0.004   // s
+
+// The caller owns this storage and initialises it with zeros. Times are in s, of the clock
+// endpoint->now (endpoint.h).
+typedef struct pm_vitals {
+    portmet_vitals_t message; // the sums so far
+    char channel[PM_CHANNEL_SIZE];
+    unsigned char *data; // [capacity] the encoded message
+    size_t capacity;
+    double interval;    // s between two messages
+    double begun, next; // when the process joined the run; when the next message is due
+    double looked;      // when the present poll began
+    double rested;      // when the last poll ended; 0: unknown
+    int peer;           // the peer that the process has waited for since `rested`
+    int64_t checkpoint; // step of the last checkpoint
+    double saved;       // when that checkpoint was first published
+} pm_vitals;
+
+// Returns the time between two messages of a process, in s, in a run of `processes` processes.
+double pm_vitals_interval(int processes);
+
+// Makes vitals of process `process_id` with `npeer` peers and the coordinator. The caller sets the
+// first npeer of message.peer. Memory comes from the arena. PM_ECONFIG, PM_ENOMEM.
+pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
+                         int npeer);
+
+// pm_vitals_look is called when a poll begins, and pm_vitals_rest when it ends. The time from an
+// end to the next beginning counts as waiting for the peer `peer`, its position in the list of
+// peers, in which the coordinator is the last one. Without calls of pm_vitals_rest no times are
+// measured.
+void pm_vitals_look(pm_vitals *vitals, double now);
+void pm_vitals_rest(pm_vitals *vitals, double now, int peer);
+
+// Publishes the vitals after `step` steps if they are due: once in each interval while the process
+// takes part in a run. `checkpoint` is the step of the last checkpoint, or -1 if none is kept. The
+// caller counts in message.asked, used and answered. PM_ENET.
+pm_status pm_vitals_tell(pm_vitals *vitals, const pm_endpoint *endpoint, int64_t step,
+                         int64_t checkpoint);
+
+// --- health ---
+
+// The health of a run: how fast each process steps, which process waits for which, and between
+// which processes messages get lost. The coordinator computes it from the vitals of the processes
+// and publishes it once a second.
 
 #define PM_HEALTH_COORDINATOR (-1) // stands for the coordinator among positions of processes
 #define PM_HEALTH_NOBODY (-2)
@@ -65,9 +111,5 @@ bool pm_health_warn(pm_health *health, char *text, size_t size);
 // Returns the name of a process; "coordinator" for PM_HEALTH_COORDINATOR; "nobody" for any other
 // number. The scene owns the names of processes.
 const char *pm_health_name(const pm_scene *scene, int64_t process_id);
-
-// Sets the arrays of a health message for `nprocess` processes, with memory from the arena.
-// PM_ENOMEM.
-pm_status pm_health_message_alloc(portmet_health_t *message, pm_arena *arena, int nprocess);
 
 #endif

@@ -7,8 +7,7 @@
 #include "base/progress.h"
 #include "lockstep/health.h"
 #include "lockstep/lookahead.h"
-#include "lockstep/remote_process.h"
-#include "lockstep/report_window.h"
+#include "lockstep/reports.h"
 
 #define MOST_READS 8 // of pm_transport_wait in one pm_listener_read, so that it always returns
 
@@ -34,12 +33,6 @@ struct pm_listener {
 
 // --- which run ---
 
-static void forget(pm_listener *l) {
-    pm_report_window_restart(&l->reports, 0);
-    l->newest = -1;
-    l->over = l->has_ledger = l->has_health = false;
-}
-
 // Returns true if a message of this session belongs to the run that the listener follows.
 static bool follows(pm_listener *l, int64_t session) {
     const double now = pm_clock();
@@ -50,7 +43,9 @@ static bool follows(pm_listener *l, int64_t session) {
         if (l->session != 0 && !l->over && now - l->heard < PM_LISTENER_SILENT) {
             return false;
         }
-        forget(l);
+        pm_report_window_restart(&l->reports, 0);
+        l->newest = -1;
+        l->over = l->has_ledger = l->has_health = false;
         l->session = session;
     }
     l->heard = now;
@@ -58,22 +53,6 @@ static bool follows(pm_listener *l, int64_t session) {
 }
 
 // --- messages ---
-
-static void add_row(pm_listener *l, const pm_remote_process *remote, int row) {
-    const int64_t step = remote->report.step + row;
-    if (pm_report_window_reach(&l->reports, step) == l->newest) {
-        l->newest = -1; // the newest sample made room, or there was none
-    }
-    pm_sample *sample = pm_report_window_missing(&l->reports, step, remote->id);
-    if (sample == NULL) {
-        return;
-    }
-    pm_remote_process_fill(remote, row, sample);
-    pm_report_window_mark(&l->reports, step, remote->id);
-    if (step > l->newest && pm_report_window_is_complete(&l->reports, step)) {
-        l->newest = step;
-    }
-}
 
 // Reports have the state only if somebody records the run, which a listener cannot know.
 static void on_report(void *context, const char *channel, const void *data, size_t size) {
@@ -91,9 +70,15 @@ static void on_report(void *context, const char *channel, const void *data, size
         report->step > PM_STEPS_MAX || !follows(l, report->session)) {
         return;
     }
-    for (int row = 0; row < pm_remote_process_rows(remote) && !pm_remote_process_has_sums(remote);
-         ++row) {
-        add_row(l, remote, row);
+    for (int row = 0; row < remote->rows && !remote->sums; ++row) {
+        const int64_t step = report->step + row;
+        if (pm_report_window_reach(&l->reports, step) == l->newest) {
+            l->newest = -1; // the newest sample made room, or there was none
+        }
+        if (pm_report_window_add(&l->reports, remote, row) && step > l->newest &&
+            pm_report_window_is_complete(&l->reports, step)) {
+            l->newest = step;
+        }
     }
 }
 
@@ -133,40 +118,13 @@ static void on_command(void *context, const char *channel, const void *data, siz
 
 // --- opening ---
 
-static pm_status allocate(pm_listener *l) {
-    const size_t n = (size_t)l->scene->nprocess;
-    l->process = pm_arena_array(&l->arena, n, sizeof *l->process);
-    if (l->process == NULL) {
-        return pm_fail(PM_ENOMEM, "listener: out of memory");
-    }
-    l->newest = -1;
-    const int depth = 2 * (pm_lookahead(l->scene) + 1);
-    PM_TRY(pm_report_window_init(&l->reports, &l->arena, l->scene, depth, 0));
-    PM_TRY(pm_health_message_alloc(&l->health, &l->arena, l->scene->nprocess));
-    return pm_health_message_alloc(&l->next_health, &l->arena, l->scene->nprocess);
-}
-
-static pm_status subscribe(pm_listener *l) {
+pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, const pm_scene *scene,
+                           int64_t session) {
     static const struct {
         const char *word;
         pm_message_handler *handler;
     } words[] = {{"LEDGER", on_ledger}, {"HEALTH", on_health}, {"COMMAND", on_command}};
-    char channel[PM_CHANNEL_SIZE];
-    for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
-        PM_TRY(pm_channel_scene(channel, l->scene, words[i].word));
-        PM_TRY(pm_transport_subscribe(l->transport, channel, words[i].handler, l));
-    }
-    for (int i = 0; i < l->scene->nprocess; ++i) {
-        l->process[i].listener = l;
-        PM_TRY(pm_remote_process_init(&l->process[i].remote, &l->arena, l->scene, i));
-        PM_TRY(pm_transport_subscribe(l->transport, l->process[i].remote.channel, on_report,
-                                      &l->process[i]));
-    }
-    return PM_OK;
-}
-
-pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, const pm_scene *scene,
-                           int64_t session) {
+    const int n = scene->network.nprocess;
     pm_listener *l = calloc(1, sizeof *l);
     if (l == NULL) {
         return pm_fail(PM_ENOMEM, "listener: out of memory");
@@ -175,8 +133,24 @@ pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, cons
     l->transport = transport;
     l->scene = scene;
     l->wanted = session;
-    PM_TRY_DONE(allocate(l));
-    PM_TRY_DONE(subscribe(l));
+    l->newest = -1;
+    l->health.nprocess = l->next_health.nprocess = n;
+    l->process = pm_arena_array(&l->arena, (size_t)n, sizeof *l->process);
+    PM_TRY_DONE(pm_health_alloc(&l->health, &l->arena));
+    PM_TRY_DONE(pm_health_alloc(&l->next_health, &l->arena));
+    PM_TRY_DONE(
+        pm_report_window_init(&l->reports, &l->arena, scene, 2 * (pm_lookahead(scene) + 1), 0));
+    char channel[PM_CHANNEL_SIZE];
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
+        PM_TRY_DONE(pm_channel_scene(channel, scene, words[i].word));
+        PM_TRY_DONE(pm_transport_subscribe(transport, channel, words[i].handler, l));
+    }
+    for (int i = 0; i < n; ++i) {
+        pm_remote_process *remote = &l->process[i].remote;
+        l->process[i].listener = l;
+        PM_TRY_DONE(pm_remote_process_init(remote, &l->arena, scene, i));
+        PM_TRY_DONE(pm_transport_subscribe(transport, remote->channel, on_report, &l->process[i]));
+    }
     *listener = l;
     return PM_OK;
 done:

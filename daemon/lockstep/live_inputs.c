@@ -63,9 +63,10 @@ static pm_drop check_form(const pm_scene_live_input *input, const unsigned char 
 
 // Keeps the numbers of a message for its step, or, if no step waits for a message of its own, as
 // the newest ones.
-static pm_drop keep(pm_live_channel *channel, const unsigned char *data) {
+static pm_drop keep(pm_live_channel *channel, const unsigned char *data, size_t size) {
     const pm_scene_live_input *input = channel->input;
     const int64_t next = channel->owner->next;
+    PM_TRY_KEEP(check_form(input, data, size));
     const int64_t step = input->waits ? read_integer(data, &input->step) : 0;
     const int64_t slot = input->waits ? step % PM_LIVE_AHEAD : 0;
     if (input->waits && step < next) {
@@ -95,47 +96,37 @@ static pm_drop keep(pm_live_channel *channel, const unsigned char *data) {
 static void on_message(void *context, const char *name, const void *data, size_t size) {
     (void)name;
     pm_live_channel *channel = context;
-    const pm_drop drop = check_form(channel->input, data, size);
-    channel->owner->drops->count[drop == PM_KEEP ? keep(channel, data) : drop] += 1;
+    channel->owner->drops->count[keep(channel, data, size)] += 1;
 }
 
 // --- opening ---
 
-static pm_status open_channel(pm_live_channel *channel, pm_arena *arena, pm_transport *transport) {
-    const pm_scene_live_input *input = channel->input;
-    channel->step = pm_arena_array(arena, PM_LIVE_AHEAD, sizeof *channel->step);
-    channel->value =
-        pm_arena_array(arena, PM_LIVE_AHEAD * (size_t)input->count, sizeof *channel->value);
-    if (channel->step == NULL || channel->value == NULL) {
-        return pm_fail(PM_ENOMEM, "live inputs: out of memory");
-    }
-    for (int i = 0; i < PM_LIVE_AHEAD; ++i) {
-        channel->step[i] = -1;
-    }
-    memcpy(channel->value, input->start, (size_t)input->count * sizeof *input->start);
-    return transport == NULL
-               ? PM_OK
-               : pm_transport_subscribe(transport, input->channel, on_message, channel);
-}
-
 pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_arena *arena,
                               pm_transport *transport, const double *replay, int64_t replayed,
                               pm_drops *drops) {
-    const size_t n = (size_t)scene->nlive;
+    const size_t n = (size_t)scene->network.nlive;
     *live =
         (pm_live_inputs){.scene = scene, .replay = replay, .replayed = replayed, .drops = drops};
-    live->channel = pm_arena_array(arena, (size_t)scene->nlive_input, sizeof *live->channel);
+    live->channel =
+        pm_arena_array(arena, (size_t)scene->network.nlive_input, sizeof *live->channel);
     live->taken[0] = pm_arena_array(arena, n, sizeof(double));
     live->taken[1] = pm_arena_array(arena, n, sizeof(double));
-    if (live->channel == NULL || live->taken[0] == NULL || live->taken[1] == NULL) {
-        return pm_fail(PM_ENOMEM, "live inputs: out of memory");
-    }
-    for (int i = 0; i < scene->nlive_input; ++i) {
-        const pm_scene_live_input *input = &scene->live_input[i];
-        live->channel[i] = (pm_live_channel){.owner = live, .input = input};
-        memcpy(live->taken[1] + input->first, input->start,
-               (size_t)input->count * sizeof *input->start);
-        PM_TRY(open_channel(&live->channel[i], arena, replay == NULL ? transport : NULL));
+    PM_TRY(pm_arena_status(arena, "live inputs"));
+    for (int i = 0; i < scene->network.nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->network.live_input[i];
+        const size_t size = (size_t)input->count * sizeof *input->start;
+        pm_live_channel *channel = &live->channel[i];
+        *channel = (pm_live_channel){.owner = live, .input = input};
+        channel->step = pm_arena_array(arena, PM_LIVE_AHEAD, sizeof *channel->step);
+        channel->value =
+            pm_arena_array(arena, PM_LIVE_AHEAD * (size_t)input->count, sizeof *channel->value);
+        PM_TRY(pm_arena_status(arena, "live inputs"));
+        memset(channel->step, -1, PM_LIVE_AHEAD * sizeof *channel->step);
+        memcpy(channel->value, input->start, size);
+        memcpy(live->taken[1] + input->first, input->start, size);
+        if (replay == NULL && transport != NULL) {
+            PM_TRY(pm_transport_subscribe(transport, input->channel, on_message, channel));
+        }
     }
     return PM_OK;
 }
@@ -149,7 +140,7 @@ pm_status pm_live_inputs_check(pm_live_inputs *live, double now) {
                    : pm_fail(PM_EDATA, "the recording that is replayed ends after step %lld",
                              (long long)live->replayed);
     }
-    for (int i = 0; i < live->scene->nlive_input; ++i) {
+    for (int i = 0; i < live->scene->network.nlive_input; ++i) {
         pm_live_channel *channel = &live->channel[i];
         channel->heard = channel->fresh ? now : channel->heard;
         channel->fresh = false;
@@ -162,7 +153,7 @@ pm_status pm_live_inputs_check(pm_live_inputs *live, double now) {
 }
 
 const char *pm_live_inputs_awaited(const pm_live_inputs *live) {
-    for (int i = 0; i < live->scene->nlive_input && live->replay == NULL; ++i) {
+    for (int i = 0; i < live->scene->network.nlive_input && live->replay == NULL; ++i) {
         const pm_live_channel *channel = &live->channel[i];
         const bool here = channel->input->waits
                               ? channel->step[live->next % PM_LIVE_AHEAD] == live->next
@@ -177,10 +168,10 @@ const char *pm_live_inputs_awaited(const pm_live_inputs *live) {
 void pm_live_inputs_take(pm_live_inputs *live) {
     double *to = live->taken[live->next % 2];
     if (live->replay != NULL) {
-        memcpy(to, live->replay + (ptrdiff_t)live->next * live->scene->nlive,
-               (size_t)live->scene->nlive * sizeof *to);
+        memcpy(to, live->replay + (ptrdiff_t)live->next * live->scene->network.nlive,
+               (size_t)live->scene->network.nlive * sizeof *to);
     }
-    for (int i = 0; i < live->scene->nlive_input && live->replay == NULL; ++i) {
+    for (int i = 0; i < live->scene->network.nlive_input && live->replay == NULL; ++i) {
         const pm_live_channel *channel = &live->channel[i];
         const pm_scene_live_input *input = channel->input;
         const int64_t slot = input->waits ? live->next % PM_LIVE_AHEAD : 0;

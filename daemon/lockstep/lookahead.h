@@ -8,14 +8,20 @@
 #ifndef PM_LOCKSTEP_LOOKAHEAD_H
 #define PM_LOCKSTEP_LOOKAHEAD_H
 
+#include <stdint.h>
+
 #include "scene/scene.h"
 
 // Returns the lookahead: the scene's window, or more if fluxes show progress. In that case it is at
 // most half the number of steps between two checkpoints, so that all processes hold a common
-// checkpoint (checkpoint_ring.h).
+// checkpoint.
 int pm_lookahead(const pm_scene *scene);
 
 // Returns true if the coordinator learns from fluxes which steps are complete.
 bool pm_lookahead_uses_fluxes(const pm_scene *scene);
+
+// Returns the number of steps between two checkpoints: the scene's `checkpoint`, but at least twice
+// its window.
+int64_t pm_checkpoint_interval(const pm_scene *scene);
 
 #endif

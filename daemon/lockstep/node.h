@@ -1,72 +1,83 @@
-// The inside of a node, private to its five files and to tests: lockstep_node.c polls, waits and
-// ends; node_messages.c handles messages, node_orders.c those of the coordinator; node_steps.c
-// computes rounds and steps; node_state.c holds functions that these share. Each file calls only
-// files named after it.
+// A node: one process of a distributed run, with its subsystems. It is a state machine driven by
+// messages and time (node.c has its table of states). It computes the steps that the coordinator
+// grants, exchanges one flux message per round with each neighbouring process, and reports every
+// step. No function blocks; pm_lockstep_run_node drives it.
 //
-// The state machine. A round begins as soon as the round before it is complete and its step is
-// granted. `patience` is a key of the scene, in s. "With a checkpoint" means that this node keeps
-// checkpoints. A message is "proven" if it repeats the nonce of this node's present hello
-// (identity.h). "Its coordinator" is the one whose tick was proven last; a node asks a coordinator
-// by a hello that names it. Messages that nobody can have sent in this run are dropped first.
+// Life cycle: a node publishes hellos until a tick opens a session, reports its initial state, and
+// computes rounds and reports steps until END. It then answers requests for a short time and is
+// finished. If a message takes longer than usual, the node requests it (endpoint.h). The node fails
+// if the coordinator is silent for longer than the scene's patience.
 //
-// state    awaits             message or time-out                next      sends
-// -------  -----------------  ---------------------------------  --------  ---------------------
-// HELLO    a tick             0.1 s passed                       HELLO     hello
-//                             hello, tick, END or ABORT of an    HELLO     hello that names it
-//                               unknown coordinator
-//                             proven tick, granted = 0           RUNNING   report of step 0
-//                             proven tick, granted > 0, and a    RUNNING   hello
-//                               checkpoint of its session
-//                             patience passed                    FAILING
-//                             proven END (with a checkpoint)     LEAVING   BYE
-//                               or proven ABORT
-// RUNNING  a grant; every     tick that grants more              RUNNING   flux of the round
-//          neighbour's flux   every flux of a round is there     RUNNING   flux of the next round
-//          of the round       every round of a step is complete  RUNNING   report: when full, 20 ms
-//                                                                          old, or awaited
-//                             time to request (waiting.h)        RUNNING   request for the missing
-//                                                                          flux, else for a tick;
-//                                                                          a hello instead before
-//                                                                          the first grant
-//                             request for a buffered message     RUNNING   flux or report again
-//                             new request for an older message   RUNNING   none: roll back to the
-//                                                                          checkpoint before it
-//                             hello, tick or command of          RUNNING   hello that names it
-//                               another coordinator; refusal
-//                               that is not proven; END before
-//                               the last step (with a
-//                               checkpoint); a long wait
-//                             proven tick of another             RUNNING
-//                               coordinator, which becomes
-//                               its coordinator
-//                             two fluxes of a round, or two      FAILING
-//                               ticks, that contradict each
-//                               other: one is forged
-//                             coordinator silent for patience    FAILING
-//                             ABORT of its coordinator, its END  LEAVING   BYE
-//                               after the last step, proven END
-//                               or ABORT
-// FAILING  ABORT              0.02 s passed                      FAILING   report FAILED
-//                             ABORT                              LEAVING   BYE
-//                             FAILED was sent 16 times           FINISHED
-// LEAVING  nothing            END or ABORT again                 LEAVING   BYE
-//                             request for a buffered message     LEAVING   flux or report again
-//                             0.15 s passed                      FINISHED
-// RUNNING                     pm_vitals_interval passed          RUNNING   vitals
-// HELLO or                    hello of a later node of its name  the same  REFUSE to the sender
-// RUNNING                     own failure, interrupt             FAILING
-// HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
-// FAILING                                                                    keeps no checkpoint
+// Death and return: with a checkpoint, a node saves its state at regular steps .
+// After a restart it continues from there and requests the fluxes that it missed. If another
+// process requests a message that the node no longer holds, the node rolls back to its own
+// checkpoint and recomputes the message, with the same bits. Receivers drop messages that they have
+// already.
 #ifndef PM_LOCKSTEP_NODE_H
 #define PM_LOCKSTEP_NODE_H
 
-#include "lockstep/checkpoint_ring.h"
 #include "lockstep/endpoint.h"
-#include "lockstep/lockstep_node.h"
-#include "lockstep/process_subsystems.h"
-#include "lockstep/reporter.h"
-#include "lockstep/request_filter.h"
-#include "lockstep/vitals.h"
+#include "lockstep/health.h"
+#include "lockstep/reports.h"
+#include "store/snapshot.h"
+
+typedef struct pm_lockstep_node pm_lockstep_node;
+
+typedef struct pm_lockstep_node_options {
+    const double *z; // [scene->nz] initial state of the whole scene; NULL: as the scene says
+    int64_t session; // the only session to join; 0: any open session with the node's digest
+    const pm_boundary_input *boundary_input; // NULL: the scene has none
+    double *live;           // [scene->nlive] where the node writes the values of live inputs, for
+                            // boundary_input->live; NULL only if the scene has none
+    const char *checkpoint; // file to save checkpoints in and to continue from; NULL: none
+    // Called about once a second, with the number of steps computed, so that others see that the
+    // node is alive. May be NULL.
+    void (*alive)(void *context, int64_t step);
+    void *context; // of `alive`
+} pm_lockstep_node_options;
+
+// Opens the subsystems of process `process_id` and subscribes to the channels of the node; it
+// publishes nothing before the first poll. `system`, `transport` and the data that `options` (may
+// be NULL) points to must outlive the node. Nobody may wait on the transport after the node is
+// closed. PM_ECONFIG: a channel's name is too long or has two meanings; PM_ENET, PM_ENOMEM, and
+// what pm_subsystem_open returns.
+pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system, int process_id,
+                                pm_transport *transport, const pm_lockstep_node_options *options);
+void pm_lockstep_node_close(pm_lockstep_node *node); // NULL is allowed
+
+// Advances the node as far as it can at the time `clock` (s, monotonic) with the messages that
+// pm_transport_wait has delivered so far. Returns the time at which to poll again if no message
+// comes before. The caller polls several times in PM_PRESENCE_LONGEST. Any time beyond
+// PM_PRESENCE_LONGEST between two polls counts as an absence of this process (base/presence.h), and
+// not as the silence of others.
+double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
+
+// Notes that the caller is about to wait, at the time `clock` (s, monotonic). Without such calls
+// the vitals of the node (health.h) do not contain the times that it waits for each peer.
+void pm_lockstep_node_rest(pm_lockstep_node *node, double clock);
+
+// Ends the node with `code` and `message`. The node reports them to the coordinator, which ends the
+// other nodes. Does nothing if the node is ending already.
+void pm_lockstep_node_fail(pm_lockstep_node *node, pm_status code, const char *message);
+
+// Returns true if the node has nothing left to do.
+bool pm_lockstep_node_finished(const pm_lockstep_node *node);
+
+// Returns PM_OK after END; otherwise the failure, with pm_error() set to its description.
+// PM_ETIMEOUT: the coordinator stayed silent; PM_ENET: this node was refused, or the transport
+// failed; PM_ENUMERIC: the state became non-finite; PM_EFILE: the checkpoint; after ABORT the
+// coordinator's code.
+pm_status pm_lockstep_node_result(const pm_lockstep_node *node);
+
+// Returns the counts of used and dropped messages, which the node owns.
+const pm_drops *pm_lockstep_node_drops(const pm_lockstep_node *node);
+
+// Drives a node until the run is over, and returns its result. When `*stop` becomes non-zero, the
+// run ends with PM_EINTERRUPTED within about 0.1 s, and the other processes are told. `stop` may be
+// NULL.
+pm_status pm_lockstep_run_node(pm_lockstep_node *node, const volatile sig_atomic_t *stop);
+
+// --- the inside of a node, for node.c and for tests ---
 
 typedef enum pm_node_phase {
     PM_NODE_HELLO,
@@ -76,9 +87,36 @@ typedef enum pm_node_phase {
     PM_NODE_FINISHED
 } pm_node_phase;
 
+// The checkpoints of a process: the state of its subsystems at the last two multiples of `interval`
+// steps, in memory and in one file. A process that is restarted after its death continues from the
+// newer one. A process that is asked for the message of a step that it no longer holds rolls back
+// to its newest checkpoint before that step. No process is ever ahead of another by more than an
+// interval less one step, so all of them hold a common checkpoint.
+typedef struct pm_checkpoint_ring {
+    const char *path;    // NULL: no checkpoints are kept
+    pm_snapshot_key key; // of the file
+    int64_t interval;    // steps
+    int size;            // numbers of one checkpoint: its step, then those of the subsystems
+    double *state;       // [2][size], the older one first; step -1: none
+} pm_checkpoint_ring;
+
+// The flux or report that one request asks for.
+typedef struct pm_request_place {
+    int64_t instance, attempt; // of the sender
+    int64_t key;               // round (process_subsystems.h) or step that was requested
+} pm_request_place;
+
+// The requests of one sender, by which new requests are told from old ones.
+typedef struct pm_request_filter {
+    pm_request_place newest;   // the newest request so far
+    pm_request_place repeated; // the last request that was not new
+    double since;              // s, when `repeated` was first received
+} pm_request_filter;
+
 struct pm_lockstep_node {
     pm_endpoint endpoint;
     pm_arena arena;
+    const pm_scene *scene;
     const char *name; // of the process
     pm_process_subsystems subsystems;
 
@@ -94,7 +132,6 @@ struct pm_lockstep_node {
     double *heard;       // [scene->nlive] scratch for the values in a tick
     int64_t coordinator; // instance of the coordinator
     int64_t granted;     // steps
-    double t0;           // s, time at step 0
     bool want_state;     // reports carry the state z
     bool late;           // in HELLO: a run is under way that this node cannot join
     bool coordinator_alive;   // the coordinator sent a message since the last poll
@@ -109,7 +146,8 @@ struct pm_lockstep_node {
     int round;        // number of the present round within the step
     bool started;     // the flux of the round is published, and its bulk term computed
     bool progressed;  // the node made progress; the next poll begins a new wait
-    pm_request_filter coordinator_requests; // the coordinator's requests for reports
+    // [nlink + 1] requests of each neighbour for fluxes, and of the coordinator for reports
+    pm_request_filter *requests;
 
     pm_vitals vitals; // its peers are subsystems.link in order, then the coordinator
     void (*alive)(void *context, int64_t step); // NULL: nobody is told
@@ -120,65 +158,5 @@ struct pm_lockstep_node {
     bool fluxes_show_progress; // reports are not needed at once for the next grant
     double report_at;          // s, when to publish a report that is not full
 };
-
-// --- state (node_state.c) ---
-
-// Enters another phase. The clock of the phase starts at the next poll, since handlers do not know
-// the time.
-void pm_node_enter(pm_lockstep_node *node, pm_node_phase next);
-
-// Enters FAILING if `status` is a failure. Message handlers, which cannot return a status, call
-// this function.
-void pm_node_check(pm_lockstep_node *node, pm_status status);
-
-// Publishes a hello that asks the instance `coordinator`: in HELLO at the next poll, later at once
-// or 0.01 s after the last question.
-void pm_node_ask(pm_lockstep_node *node, int64_t coordinator);
-
-// Publishes the question that waits for its time, if it has come. Returns the time at which it will
-// come, s; INFINITY: none waits.
-double pm_node_publish_question(pm_lockstep_node *node);
-
-// Returns the position of a neighbour among the peers of the vitals; NULL stands for the
-// coordinator.
-int pm_node_peer(const pm_lockstep_node *node, const pm_flux_link *link);
-
-// Notes that a message of a neighbour (NULL: of the coordinator) was used.
-void pm_node_note_used(pm_lockstep_node *node, const pm_flux_link *link);
-
-// --- orders (node_orders.c) ---
-
-// The handlers of ticks and of commands. `context` is the node.
-void pm_node_on_tick(void *context, const char *channel, const void *data, size_t size);
-pm_drop pm_node_accept_command(void *context, const portmet_command_t *command);
-
-// --- messages (node_messages.c) ---
-
-// Opens the endpoint and subscribes to ticks and the neighbours' fluxes. `session` is the session
-// that the node was started for, or 0. PM_ECONFIG, PM_ENET, PM_ENOMEM.
-pm_status pm_node_listen(pm_lockstep_node *node, int64_t session);
-
-// --- steps (node_steps.c) ---
-
-// Returns the time at the start of a step, s.
-double pm_node_time(const pm_lockstep_node *node, int64_t step);
-
-// Returns the key of the present round: its number, counted from the start of the run.
-int64_t pm_node_round_key(const pm_lockstep_node *node);
-
-// Returns true if the next round may begin.
-bool pm_node_may_start(const pm_lockstep_node *node);
-
-// Begins at the initial state, or at this process's last checkpoint of the session, and reports the
-// initial state. Fails as the functions of checkpoint_ring.h and reporter.h do.
-pm_status pm_node_start_run(pm_lockstep_node *node);
-
-// Computes rounds until a grant or a neighbour's flux is missing, but at most 16 steps. Fails as
-// the functions of process_subsystems.h, checkpoint_ring.h and reporter.h do.
-pm_status pm_node_compute(pm_lockstep_node *node);
-
-// Returns to the newest checkpoint of at most `step` steps, to compute again from there. Changes no
-// state if there is none. Publishes the report being filled first. Fails as pm_reporter_flush does.
-pm_status pm_node_roll_back(pm_lockstep_node *node, int64_t step);
 
 #endif

@@ -4,7 +4,8 @@
 #include <math.h>
 
 pm_pace pm_pace_of(const pm_scene *scene) {
-    return (pm_pace){.interval = scene->pace > 0 ? scene->dt / scene->pace : 0, .begun = -1};
+    return (pm_pace){.interval = scene->run.pace > 0 ? scene->physics.dt / scene->run.pace : 0,
+                     .begun = -1};
 }
 
 void pm_pace_begin(pm_pace *pace, double now) {

@@ -16,16 +16,6 @@ pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int d
     return PM_OK;
 }
 
-// Returns the slot of a message, or NULL if it is not kept.
-static const pm_resend_buffer_slot *find_slot(const pm_resend_buffer *buffer, int64_t key) {
-    for (int i = 0; i < buffer->depth; ++i) {
-        if (buffer->slot[i].key == key) {
-            return &buffer->slot[i];
-        }
-    }
-    return NULL;
-}
-
 unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer) {
     pm_resend_buffer_slot *slot = &buffer->slot[buffer->next];
     slot->key = -1;
@@ -41,13 +31,15 @@ pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *trans
     return pm_transport_publish(transport, buffer->channel, slot->data, size);
 }
 
-bool pm_resend_buffer_keeps(const pm_resend_buffer *buffer, int64_t key) {
-    return key >= 0 && find_slot(buffer, key) != NULL;
-}
-
 pm_status pm_resend_buffer_repeat(const pm_resend_buffer *buffer, pm_transport *transport,
-                                  int64_t key) {
-    const pm_resend_buffer_slot *slot = key < 0 ? NULL : find_slot(buffer, key);
-    return slot == NULL ? PM_OK
-                        : pm_transport_publish(transport, buffer->channel, slot->data, slot->size);
+                                  int64_t key, bool *kept) {
+    *kept = false;
+    for (int i = 0; i < buffer->depth && key >= 0; ++i) {
+        const pm_resend_buffer_slot *slot = &buffer->slot[i];
+        if (slot->key == key) {
+            *kept = true;
+            return pm_transport_publish(transport, buffer->channel, slot->data, slot->size);
+        }
+    }
+    return PM_OK;
 }

@@ -37,11 +37,9 @@ unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer);
 pm_status pm_resend_buffer_publish(pm_resend_buffer *buffer, pm_transport *transport, int64_t key,
                                    size_t size);
 
-// Returns true if message `key` is still kept.
-bool pm_resend_buffer_keeps(const pm_resend_buffer *buffer, int64_t key);
-
-// Publishes message `key` again; does nothing if it is no longer kept. PM_ENET, PM_ENOMEM.
+// Publishes message `key` again, unless it is no longer kept, which `kept` tells. PM_ENET,
+// PM_ENOMEM.
 pm_status pm_resend_buffer_repeat(const pm_resend_buffer *buffer, pm_transport *transport,
-                                  int64_t key);
+                                  int64_t key, bool *kept);
 
 #endif

@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/derived.h"
 #include "model/formula_steps.h"
 #include "model/potential.h"
 
@@ -69,66 +68,11 @@ static bool depends_otherwise(const pm_part *part, const pm_potential_spec *pote
     return depends;
 }
 
-// Marks the unconstrained components and writes the radius [ngroup] of each group. False if there
-// are none.
-static bool find_unconstrained(pm_graph *g, const pm_part *part, const pm_symbols *symbols,
-                               pm_node width, bool *unconstrained, pm_node *radius) {
-    const pm_potential_spec *energy = &part->spec.energy, *entropy = &part->spec.entropy;
-    bool any = false;
-    for (int i = 0; i < part->layout.ngroup; ++i) {
-        const pm_group *group = &part->layout.group[i];
-        const bool is_unconstrained = (pm_part_depends(part, energy, group->name) ||
-                                       pm_part_depends(part, entropy, group->name)) &&
-                                      !depends_otherwise(part, energy, symbols, group->name) &&
-                                      !depends_otherwise(part, entropy, symbols, group->name);
-        for (int c = group->first; c < group->first + group->size; ++c) {
-            unconstrained[c] = is_unconstrained;
-        }
-        radius[i] = is_unconstrained ? pm_slice(g, width, group->first, group->size) : PM_NO_NODE;
-        any = any || is_unconstrained;
-    }
-    return any;
-}
-
 // --- bounds ---
-
-// Bounds the change of a feature. False if it is an expression of an unconstrained group.
-static bool bound_feature(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
-                          const pm_node *radius, pm_node *spread) {
-    *spread = PM_NO_NODE;
-    for (int i = 0; i < symbols->count; ++i) {
-        const pm_symbol *symbol = &symbols->symbol[i];
-        if (radius[i] == PM_NO_NODE || !pm_feature_mentions(s->feature, symbol->name)) {
-            continue;
-        }
-        if (strcmp(s->feature, symbol->name) != 0) {
-            return false;
-        }
-        *spread =
-            s->component == PM_STEP_WHOLE ? radius[i] : pm_slice(g, radius[i], s->component, 1);
-    }
-    return true;
-}
-
-// Returns |a| spread_b + |b| spread_a + spread_a spread_b.
-static pm_node bound_product(pm_graph *g, pm_node a, pm_node spread_a, pm_node b,
-                             pm_node spread_b) {
-    pm_node sum = PM_NO_NODE;
-    if (spread_b != PM_NO_NODE) {
-        sum = pm_mul(g, pm_magnitude(g, a), spread_b);
-    }
-    if (spread_a != PM_NO_NODE) {
-        sum = pm_add_or(g, sum, pm_mul(g, pm_magnitude(g, b), spread_a));
-    }
-    return spread_a == PM_NO_NODE || spread_b == PM_NO_NODE
-               ? sum
-               : pm_add(g, sum, pm_mul(g, spread_a, spread_b));
-}
 
 // Adds the rounding of operands of this size to a spread, unless the spread is PM_NO_NODE.
 static pm_node add_rounding(pm_graph *g, pm_node spread, pm_node size) {
-    return spread == PM_NO_NODE ? spread
-                                : pm_add(g, spread, pm_scale(g, size, PM_DERIVED_ROUNDING));
+    return spread == PM_NO_NODE ? spread : pm_add(g, spread, pm_scale(g, size, PM_PART_ROUNDING));
 }
 
 // Bounds the change of one step of a formula. False if there is no bound.
@@ -140,17 +84,35 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
     case PM_STEP_NUMBER:
         return true;
     case PM_STEP_FEATURE:
-        return bound_feature(g, s, symbols, radius, result);
+        for (int i = 0; i < symbols->count; ++i) {
+            const char *name = symbols->symbol[i].name;
+            if (radius[i] == PM_NO_NODE || !pm_feature_mentions(s->feature, name)) {
+                continue;
+            }
+            if (strcmp(s->feature, name) != 0) {
+                return false; // an expression of an unconstrained group
+            }
+            *result =
+                s->component == PM_STEP_WHOLE ? radius[i] : pm_slice(g, radius[i], s->component, 1);
+        }
+        return true;
     case PM_STEP_ADD:
     case PM_STEP_SUBTRACT:
         *result =
             add_rounding(g, pm_add_or(g, spread[s->a], spread[s->b]),
                          pm_add(g, pm_magnitude(g, value[s->a]), pm_magnitude(g, value[s->b])));
         return true;
-    case PM_STEP_MULTIPLY:
-        *result =
-            add_rounding(g, bound_product(g, value[s->a], spread[s->a], value[s->b], spread[s->b]),
-                         pm_magnitude(g, pm_mul(g, value[s->a], value[s->b])));
+    case PM_STEP_MULTIPLY: // |a| spread_b + |b| spread_a + spread_a spread_b
+        if (spread[s->b] != PM_NO_NODE) {
+            *result = pm_mul(g, pm_magnitude(g, value[s->a]), spread[s->b]);
+        }
+        if (spread[s->a] != PM_NO_NODE) {
+            *result = pm_add_or(g, *result, pm_mul(g, pm_magnitude(g, value[s->b]), spread[s->a]));
+        }
+        if (spread[s->a] != PM_NO_NODE && spread[s->b] != PM_NO_NODE) {
+            *result = pm_add(g, *result, pm_mul(g, spread[s->a], spread[s->b]));
+        }
+        *result = add_rounding(g, *result, pm_magnitude(g, pm_mul(g, value[s->a], value[s->b])));
         return true;
     case PM_STEP_DIVIDE:
     case PM_STEP_EXP:
@@ -198,11 +160,25 @@ bool pm_contact_bound_build(pm_graph *g, const pm_part *part, pm_node z, pm_node
     const pm_symbols symbols = pm_part_symbols(part, g, z);
     pm_node radius[PM_MAX_SYMBOLS], values[MOST_SUMS], spreads[MOST_SUMS];
     int count = 0;
-    if (part->spec.form == PM_FREE ||
-        !find_unconstrained(g, part, &symbols, width, unconstrained, radius)) {
+    bool any = false;
+    for (int i = 0; i < part->layout.ngroup && part->spec.form != PM_FREE; ++i) {
+        const pm_group *group = &part->layout.group[i];
+        bool depends = false, otherwise = false;
+        for (int p = 0; p < 2; ++p) {
+            depends = depends || pm_part_depends(part, potential[p], group->name);
+            otherwise = otherwise || depends_otherwise(part, potential[p], &symbols, group->name);
+        }
+        const bool is_unconstrained = depends && !otherwise;
+        for (int k = group->first; k < group->first + group->size; ++k) {
+            unconstrained[k] = is_unconstrained;
+        }
+        radius[i] = is_unconstrained ? pm_slice(g, width, group->first, group->size) : PM_NO_NODE;
+        any = any || is_unconstrained;
+    }
+    if (!any) {
         return false;
     }
-    pm_derived_spread(part, g, &symbols, radius);
+    pm_part_spread(part, g, &symbols, radius);
     for (int p = 0; p < 2; ++p) {
         for (int i = 0; i < potential[p]->nformula; ++i) {
             const pm_formula *formula = &potential[p]->formula[i];

@@ -44,30 +44,21 @@ static pm_node positive(pm_graph *g, pm_node x) {
     return pm_sqrt(g, pm_offset(g, pm_square(g, x), SMALLEST_SQUARE));
 }
 
-// Returns lambda [rank][nheat]: positive numbers, of which each row has the sum 1.
-static pm_node build_shares(pm_graph *g, const pm_dissipation *d, int rank) {
-    if (d->split == PM_NO_NODE) {
-        return pm_constant(g, 1.0 / d->nheat, rank, d->nheat);
-    }
-    const pm_node part[2] = {pm_constant(g, 1, rank, 1), pm_exp(g, d->split)};
-    const pm_node weight = pm_concat(g, 2, part);
-    const pm_node one = pm_constant(g, 1, rank, d->nheat);
-    return pm_div(g, weight, pm_dot(g, weight, one));
-}
-
-// Subtracts the rounding error of the energy balance n . rate from the heat.
-static pm_node balance(pm_graph *g, const pm_dissipation *d, pm_node rate, pm_node heat_normal) {
-    const pm_node excess = pm_scale(g, pm_dot(g, rate, d->normal), 1.0 / d->nheat);
-    const int n = pm_graph_shape(g, rate).cols;
-    return pm_sub(g, rate, place_heats(g, d, pm_div(g, excess, heat_normal), n));
-}
-
 pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
     const pm_node dh = heats_of(g, d, d->driving), nh = heats_of(g, d, d->normal);
     const pm_node coldness = pm_div(g, dh, nh); // 1/T [1][nheat]
     const pm_shape shape = pm_graph_shape(g, d->factor);
     const int rank = shape.rows, n = shape.cols;
-    const pm_node share = build_shares(g, d, rank);
+    // lambda [rank][nheat]: positive numbers, of which each row has the sum 1.
+    pm_node share;
+    if (d->split == PM_NO_NODE) {
+        share = pm_constant(g, 1.0 / d->nheat, rank, d->nheat);
+    } else {
+        const pm_node part[2] = {pm_constant(g, 1, rank, 1), pm_exp(g, d->split)};
+        const pm_node weight = pm_concat(g, 2, part);
+        const pm_node one = pm_constant(g, 1, rank, d->nheat);
+        share = pm_div(g, weight, pm_dot(g, weight, one));
+    }
     const pm_node theta = pm_matmul(g, coldness, false, share, true); // [1][rank]
     const pm_node u = others_of(g, d, d->factor);
     pm_node power = pm_matmul(g, d->normal, false, u, true); // F [1][rank]
@@ -111,5 +102,8 @@ pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *d) {
         heat = pm_add(g, heat, pm_mul(g, carried, coldness));
     }
     const pm_node moved = pm_matmul(g, flow, false, u, false);
-    return balance(g, d, pm_add(g, moved, place_heats(g, d, heat, n)), nh);
+    const pm_node rate = pm_add(g, moved, place_heats(g, d, heat, n));
+    // Subtracts the rounding error of the energy balance n . rate from the heat.
+    const pm_node excess = pm_scale(g, pm_dot(g, rate, d->normal), 1.0 / d->nheat);
+    return pm_sub(g, rate, place_heats(g, d, pm_div(g, excess, nh), n));
 }

@@ -224,17 +224,6 @@ static const pm_symbol *find_symbol(const pm_symbols *symbols, const char *name)
     return NULL;
 }
 
-static pm_status unknown_name(const char *expression, const char *name, const pm_symbols *symbols) {
-    char list[512] = "";
-    size_t used = 0;
-    for (int i = 0; i < symbols->count && used < sizeof list; ++i) {
-        used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i > 0 ? ", " : "",
-                                 symbols->symbol[i].name);
-    }
-    return pm_fail(PM_ECONFIG, "feature \"%s\": there is no \"%s\" here, only %s", expression, name,
-                   list);
-}
-
 // Finds the form and its vectors. A quotient must name the same vector twice.
 static pm_status parse(const char *expression, const pm_symbols *symbols,
                        const feature_form **found, const pm_symbol **x, const pm_symbol **y) {
@@ -247,7 +236,14 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
         *x = find_symbol(symbols, first);
         *y = second[0] == 0 ? *x : find_symbol(symbols, second);
         if (*x == NULL || *y == NULL) {
-            return unknown_name(expression, *x == NULL ? first : second, symbols);
+            char list[512] = "";
+            size_t used = 0;
+            for (int k = 0; k < symbols->count && used < sizeof list; ++k) {
+                used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", k > 0 ? ", " : "",
+                                         symbols->symbol[k].name);
+            }
+            return pm_fail(PM_ECONFIG, "feature \"%s\": there is no \"%s\" here, only %s",
+                           expression, *x == NULL ? first : second, list);
         }
         if ((*x)->size != (*y)->size || (!forms[i].scalar && *x != *y)) {
             return pm_fail(PM_ECONFIG, "feature \"%s\": \"%s\" and \"%s\" do not fit together",

@@ -1,5 +1,5 @@
 // A formula after reading is a list of operations, in which operands come before their result.
-// formula_read.c makes the list; formula.c and contact_bound.c build graphs from it.
+// formula.c makes the list; formula.c and contact_bound.c build graphs from it.
 #ifndef PM_MODEL_FORMULA_STEPS_H
 #define PM_MODEL_FORMULA_STEPS_H
 
@@ -40,10 +40,6 @@ typedef struct pm_formula_steps {
     pm_step step[PM_MAX_STEPS];
 } pm_formula_steps;
 
-// Reads the text of a formula. PM_ECONFIG: the text is not a formula of these symbols; unlike that
-// of pm_formula_check, the message does not name the place of the formula.
-pm_status pm_formula_read(pm_formula_steps *steps, const pm_formula *formula,
-                          const pm_symbols *symbols);
 // Reads a formula that has passed pm_formula_check, which cannot fail.
 void pm_formula_read_again(pm_formula_steps *steps, const pm_formula *formula,
                            const pm_symbols *symbols);

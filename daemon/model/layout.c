@@ -1,7 +1,21 @@
-// Comparing and searching layouts of named groups, and adding the place of a spec to an error.
+// Making, comparing and searching layouts of named groups, and adding the place of a spec to an
+// error.
 #include <string.h>
 
+#include "base/digest.h"
+#include "base/unit.h"
 #include "model/spec.h"
+
+pm_role pm_role_of(const char *unit) {
+    const pm_unit entropy = pm_unit_parse("J/K"), own = pm_unit_parse(unit);
+    return pm_unit_equal(&entropy, &own) ? PM_ROLE_ENTROPY : PM_ROLE_OTHER;
+}
+
+void pm_layout_add(pm_layout *layout, const char *name, const char *unit, int size) {
+    layout->group[layout->ngroup++] = (pm_group){
+        .name = name, .unit = unit, .size = size, .first = layout->nz, .role = pm_role_of(unit)};
+    layout->nz += size;
+}
 
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name) {
     for (int i = 0; i < layout->ngroup; ++i) {
@@ -26,6 +40,16 @@ bool pm_layout_equal(const pm_layout *a, const pm_layout *b) {
         }
     }
     return true;
+}
+
+uint64_t pm_layout_digest(const pm_layout *layout, uint64_t digest) {
+    digest = pm_digest_integer(digest, layout->ngroup);
+    for (int i = 0; i < layout->ngroup; ++i) {
+        digest = pm_digest_text(digest, layout->group[i].name);
+        digest = pm_digest_text(digest, layout->group[i].unit);
+        digest = pm_digest_integer(digest, layout->group[i].size);
+    }
+    return digest;
 }
 
 pm_status pm_spec_locate(const char *at, pm_status status) {

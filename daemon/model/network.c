@@ -69,38 +69,23 @@ static pm_status let_shrink(const declaration *d, const char *name, pm_status de
     return declared;
 }
 
-static pm_status declare_layer(const declaration *d, int layer, int nin, int nout) {
-    char name[64];
-    snprintf(name, sizeof name, "layer%d.weight", layer);
-    PM_TRY(let_shrink(d, name, declare_hidden(d, name, nin, nout, 1 / sqrt(nin))));
-    snprintf(name, sizeof name, "layer%d.bias", layer);
-    return declare_hidden(d, name, 1, nout, BIAS_SPREAD);
-}
-
 // Declares the hidden layers, with one network output for each of `nout`.
 static pm_status declare_layers(const declaration *d, const pm_network_spec *spec, int nfeature,
                                 int nout) {
     int width = nfeature;
     for (int i = 0; i < spec->nhidden; ++i) {
-        PM_TRY(declare_layer(d, i, width, spec->hidden[i]));
+        char name[64];
+        snprintf(name, sizeof name, "layer%d.weight", i);
+        PM_TRY(
+            let_shrink(d, name, declare_hidden(d, name, width, spec->hidden[i], 1 / sqrt(width))));
+        snprintf(name, sizeof name, "layer%d.bias", i);
+        PM_TRY(declare_hidden(d, name, 1, spec->hidden[i], BIAS_SPREAD));
         width = spec->hidden[i];
     }
     const double spread = spec->skip == PM_SKIP_NONE ? OUTPUT_SPREAD / sqrt(width) : 0;
     return spec->nhidden > 0 ? let_shrink(d, "output.weight",
                                           declare_hidden(d, "output.weight", width, nout, spread))
                              : PM_OK;
-}
-
-// Starts the quadratic skip of an energy, the first output, with a positive curvature, so that the
-// energy has a minimum.
-static void start_convex(const pm_network_spec *spec, pm_param_entry *quadratic) {
-    int n = 0;
-    while (n * n < quadratic->rows) {
-        ++n;
-    }
-    for (int i = 0; i < n && spec->scaled; ++i) {
-        quadratic->value[(ptrdiff_t)(i * n + i) * quadratic->cols] = CURVATURE_START;
-    }
 }
 
 // Declares the skip. That of an energy with a quadratic term starts convex.
@@ -112,7 +97,11 @@ static pm_status declare_skip(const declaration *d, const pm_network_spec *spec,
     }
     if (spec->skip >= PM_SKIP_QUADRATIC) {
         PM_TRY(declare(d, "quadratic", nfeature * nfeature, nout, true, spread, NULL));
-        start_convex(spec, pm_params_find(d->params, join(full, d->prefix, "quadratic")));
+        // The first output of an energy starts with a positive curvature, so that it has a minimum.
+        pm_param_entry *quadratic = pm_params_find(d->params, join(full, d->prefix, "quadratic"));
+        for (int i = 0; i < nfeature && spec->scaled; ++i) {
+            quadratic->value[(ptrdiff_t)(i * nfeature + i) * quadratic->cols] = CURVATURE_START;
+        }
     }
     if (spec->skip == PM_SKIP_QUARTIC) {
         PM_TRY(declare(d, "cubic", nfeature, nout, true, 0, NULL));
@@ -160,31 +149,6 @@ pm_node pm_warmth(pm_graph *g, const pm_params *params) {
     return pm_weight(g, pm_params_find(params, PM_WARMTH)->value, 1, 1);
 }
 
-static pm_node activate(pm_graph *g, pm_activation activation, pm_node x) {
-    switch (activation) {
-    case PM_TANH:
-        return pm_tanh(g, x);
-    case PM_SOFTPLUS:
-        return pm_softplus(g, x);
-    case PM_SILU:
-        break;
-    }
-    return pm_silu(g, x);
-}
-
-static pm_node build_hidden(pm_graph *g, const pm_network_spec *spec, pm_node x,
-                            const pm_params *params, const char *prefix) {
-    for (int i = 0; i < spec->nhidden; ++i) {
-        char name[64];
-        snprintf(name, sizeof name, "layer%d.weight", i);
-        x = pm_matmul(g, x, false, pm_network_param(g, params, prefix, name), false);
-        snprintf(name, sizeof name, "layer%d.bias", i);
-        x = pm_add(g, x, pm_network_param(g, params, prefix, name));
-        x = activate(g, spec->activation, x);
-    }
-    return pm_matmul(g, x, false, pm_network_param(g, params, prefix, "output.weight"), false);
-}
-
 pm_node pm_network_build(pm_graph *g, const pm_network_spec *spec, const pm_symbols *symbols,
                          int nout, const pm_params *params, const char *prefix) {
     if (spec->nfeature == 0) {
@@ -201,7 +165,19 @@ static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node fe
     const int n = pm_graph_shape(g, x).cols;
     pm_node out = PM_NO_NODE;
     if (spec->nhidden > 0) {
-        out = build_hidden(g, spec, x, params, prefix);
+        pm_node layer = x;
+        for (int i = 0; i < spec->nhidden; ++i) {
+            char name[64];
+            snprintf(name, sizeof name, "layer%d.weight", i);
+            layer = pm_matmul(g, layer, false, pm_network_param(g, params, prefix, name), false);
+            snprintf(name, sizeof name, "layer%d.bias", i);
+            layer = pm_add(g, layer, pm_network_param(g, params, prefix, name));
+            layer = spec->activation == PM_TANH       ? pm_tanh(g, layer)
+                    : spec->activation == PM_SOFTPLUS ? pm_softplus(g, layer)
+                                                      : pm_silu(g, layer);
+        }
+        const pm_node weight = pm_network_param(g, params, prefix, "output.weight");
+        out = pm_matmul(g, layer, false, weight, false);
     }
     if (spec->skip != PM_SKIP_NONE) {
         const pm_node weight = pm_network_param(g, params, prefix, "linear");
@@ -225,9 +201,13 @@ static pm_node build_layers(pm_graph *g, const pm_network_spec *spec, pm_node fe
                              : pm_add(g, out, bias);
 }
 
-// Returns the output minus its tangent at features of 0 (zero_at_origin).
-static pm_node build_above_tangent(pm_graph *g, const pm_network_spec *spec, pm_node features,
-                                   const pm_params *params, const char *prefix) {
+pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
+                              const pm_params *params, const char *prefix) {
+    assert(spec->nthermal == 0 && (!spec->zero_at_origin || nout == 1));
+    if (!spec->zero_at_origin) {
+        return build_layers(g, spec, features, nout, params, prefix);
+    }
+    // The output minus its tangent at features of 0.
     const pm_node zero = pm_constant(g, 0, 1, 1);
     const pm_node origin = pm_broadcast_to(g, zero, pm_graph_shape(g, features));
     const pm_node there = build_layers(g, spec, origin, 1, params, prefix);
@@ -238,9 +218,12 @@ static pm_node build_above_tangent(pm_graph *g, const pm_network_spec *spec, pm_
     return slope == PM_NO_NODE ? above : pm_sub(g, above, pm_dot(g, slope, features));
 }
 
-pm_node pm_network_build_from(pm_graph *g, const pm_network_spec *spec, pm_node features, int nout,
-                              const pm_params *params, const char *prefix) {
-    assert(spec->nthermal == 0 && (!spec->zero_at_origin || nout == 1));
-    return spec->zero_at_origin ? build_above_tangent(g, spec, features, params, prefix)
-                                : build_layers(g, spec, features, nout, params, prefix);
+pm_status pm_network_visit(const pm_network_spec *spec, const pm_symbols *symbols,
+                           const char *prefix, pm_normaliser_visit *visit, void *context) {
+    const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,
+                                    .prefix = prefix,
+                                    .count = spec->nfeature,
+                                    .expression = spec->feature,
+                                    .symbols = symbols};
+    return spec->nfeature > 0 ? visit(context, &features) : PM_OK;
 }

@@ -69,6 +69,10 @@ typedef struct pm_normaliser {
 // If it fails, the visit ends with its status.
 typedef pm_status pm_normaliser_visit(void *context, const pm_normaliser *normaliser);
 
+// Visits the statistics of the features of a network; one without features has none.
+pm_status pm_network_visit(const pm_network_spec *spec, const pm_symbols *symbols,
+                           const char *prefix, pm_normaliser_visit *visit, void *context);
+
 // The warmth is a weight [1][1] that all components of a system share: the logarithm of a factor of
 // all learned temperatures. Conduction depends on ratios of temperatures, so that the data
 // determine this factor only weakly. PM_WARMTH is the name of the parameter; pm_warmth returns it

@@ -9,15 +9,15 @@
 // where K is skew (C - C^T in the frame, plus given pairs) or a sum of squares (G G^T in the
 // frame). P is the projection of equation (2), orthogonal in scaled coordinates. It is applied
 // twice, since the rounding error of the first pass is proportional to the part that the pass
-// removes. Given irreversible pairs are degenerate by themselves and are added without projection
-// (given.h). A learned irreversible operator that names the groups which take up its heat needs no
-// projection either (dissipation.h).
+// removes. Given irreversible pairs are degenerate by themselves and are added without projection.
+// A learned irreversible operator that names the groups which take up its heat needs no projection
+// either (dissipation.h).
 #ifndef PM_MODEL_OPERATOR_H
 #define PM_MODEL_OPERATOR_H
 
 #include "model/formula.h"
 #include "model/network.h"
-#include "model/support.h"
+#include "model/site.h"
 
 typedef enum pm_operator_kind { PM_REVERSIBLE, PM_IRREVERSIBLE } pm_operator_kind;
 
@@ -50,5 +50,13 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
 // those of the network. Passes on the status of `visit`.
 pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
                             void *context);
+
+// Returns the number of rows that a group of this size has in the frame (spec.h): one for each
+// vector of `along` if the group is a vector, else one for each component.
+int pm_operator_frame_rows(const pm_operator_spec *spec, int group_size);
+
+// Writes "<prefix>.<name>", the name of a parameter, to the buffer and returns it.
+typedef char pm_operator_name[96];
+const char *pm_operator_join(pm_operator_name buffer, const char *prefix, const char *name);
 
 #endif

@@ -33,16 +33,6 @@ pm_param_entry *pm_params_find(const pm_params *params, const char *name) {
     return NULL;
 }
 
-// Returns true if there is room for `rows` x `cols` numbers more. Both are below 2^31, so that
-// their product fits.
-static bool have_room(const pm_params *params, int rows, int cols) {
-    size_t count = (size_t)rows * (size_t)cols;
-    for (int i = 0; i < params->count && count <= MAX_NUMBERS; ++i) {
-        count += entry_size(&params->entry[i]);
-    }
-    return count <= MAX_NUMBERS;
-}
-
 static pm_param_entry *append(pm_params *params, const char *name, size_t size) {
     pm_param_entry *entry =
         realloc(params->entry, ((size_t)params->count + 1) * sizeof *params->entry);
@@ -71,7 +61,11 @@ pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols,
                    : pm_fail(PM_ECONFIG, "parameter %s is %d x %d, expected %d x %d", name,
                              entry->rows, entry->cols, rows, cols);
     }
-    if (!have_room(params, rows, cols)) {
+    size_t total = (size_t)rows * (size_t)cols; // both are below 2^31, so that the product fits
+    for (int i = 0; i < params->count && total <= MAX_NUMBERS; ++i) {
+        total += entry_size(&params->entry[i]);
+    }
+    if (total > MAX_NUMBERS) {
         return pm_fail(PM_ENOMEM, "parameter %s (%d x %d): more than %zu numbers in all", name,
                        rows, cols, MAX_NUMBERS);
     }

@@ -20,8 +20,8 @@ typedef struct pm_param_entry {
     double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
                    // pm_params_free
     bool shared;   // the entries of this name in all components of a system are one weight
-    bool shrinks;  // training lets it shrink where the data do not need it (damped_equations.h)
-    bool held;     // training damps its steps until the loss is small (learn/damped_equations.h)
+    bool shrinks;  // training lets it shrink where the data do not need it (normal_equations.h)
+    bool held;     // training damps its steps until the loss is small (optimise/normal_equations.h)
     bool borrowed; // the value belongs to the entry of another component, which is trained
 } pm_param_entry;
 

@@ -1,11 +1,153 @@
-// E, S and the bulk term of a subsystem, built from potentials and operators.
+// E, S and the bulk term of a subsystem, built from potentials and operators; derived variables.
 #include "model/part.h"
 
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
 #include "model/constants.h"
-#include "model/derived.h"
 #include "model/potential.h"
 #include "model/solid/material.h"
 #include "model/unstructured_rate.h"
+
+#define MOST_DERIVED_NUMBERS 10000000 // of a matrix, which then takes 80 MB
+
+// --- derived variables ---
+//
+// Matrix and offset of a derived variable are the parameters "derived.<name>.matrix" and
+// "derived.<name>.offset".
+
+typedef char entry_name[PM_MAX_NAME + 16];
+
+static const pm_param_entry *entry_of(const pm_params *params, const pm_derived_spec *derived,
+                                      const char *what) {
+    entry_name name;
+    snprintf(name, sizeof name, "derived.%s.%s", derived->name, what);
+    return pm_params_find(params, name);
+}
+
+static pm_node node_of(pm_graph *g, const pm_params *params, const pm_derived_spec *derived,
+                       const char *what) {
+    const pm_param_entry *entry = entry_of(params, derived, what);
+    return pm_param(g, entry->value, entry->rows, entry->cols);
+}
+
+// Checks names, groups and sizes of a derived variable and declares its parameters.
+static pm_status declare_derived(pm_part *part, int i) {
+    const pm_derived_spec *derived = &part->spec.derived[i];
+    const pm_matrix_spec *matrix = &derived->matrix;
+    bool taken = pm_layout_find(&part->layout, derived->name) != NULL;
+    for (int k = 0; k < i; ++k) {
+        taken = taken || strcmp(part->spec.derived[k].name, derived->name) == 0;
+    }
+    if (taken || strlen(derived->name) >= PM_MAX_NAME) {
+        return pm_fail(PM_ECONFIG, "derived variable %.64s: its name is %s", derived->name,
+                       taken ? "that of a group, or of another one" : "too long");
+    }
+    int cols = 0;
+    for (int k = 0; k < derived->ngroup; ++k) {
+        const pm_group *group = pm_layout_find(&part->layout, derived->group[k]);
+        if (group == NULL) {
+            return pm_fail(PM_ECONFIG, "derived variable %s: the state has no group \"%s\"",
+                           derived->name, derived->group[k]);
+        }
+        cols += group->size;
+    }
+    if (cols == 0 || derived->size > MOST_DERIVED_NUMBERS / cols) {
+        return pm_fail(PM_ECONFIG,
+                       "derived variable %s: a matrix of %d x %d, expected 1 to %d numbers",
+                       derived->name, derived->size, cols, MOST_DERIVED_NUMBERS);
+    }
+    if (matrix->value != NULL && (matrix->rows != derived->size || matrix->cols != cols)) {
+        return pm_fail(PM_ECONFIG, "derived variable %s: the matrix is %d x %d, expected %d x %d",
+                       derived->name, matrix->rows, matrix->cols, derived->size, cols);
+    }
+    entry_name name;
+    const bool kept = matrix->value == NULL;
+    snprintf(name, sizeof name, "derived.%s.matrix", derived->name);
+    PM_TRY(pm_params_add(&part->params, name, derived->size, cols, false, 0, NAN));
+    snprintf(name, sizeof name, "derived.%s.offset", derived->name);
+    PM_TRY(pm_params_add(&part->params, name, 1, derived->size, false, 0, kept ? NAN : 0));
+    if (!kept) {
+        memcpy(entry_of(&part->params, derived, "matrix")->value, matrix->value,
+               (size_t)derived->size * (size_t)cols * sizeof(double));
+    }
+    if (derived->offset != NULL) {
+        memcpy(entry_of(&part->params, derived, "offset")->value, derived->offset,
+               (size_t)derived->size * sizeof(double));
+    }
+    return PM_OK;
+}
+
+// Returns the groups of a derived variable side by side.
+static pm_node join(pm_graph *g, const pm_derived_spec *derived, const pm_symbols *symbols) {
+    pm_node part[PM_MAX_GROUPS];
+    for (int i = 0; i < derived->ngroup; ++i) {
+        int k = 0;
+        while (strcmp(symbols->symbol[k].name, derived->group[i]) != 0) {
+            ++k;
+            assert(k < symbols->count);
+        }
+        part[i] = symbols->symbol[k].node;
+    }
+    return pm_concat(g, derived->ngroup, part);
+}
+
+// Applies the chain rule: adds the covector of each derived variable, multiplied by the transposed
+// matrix, to the covectors of its groups. `covector` holds one node per group, then one per derived
+// variable.
+static void pull_derived(const pm_part *part, pm_graph *g, pm_node *covector) {
+    for (int i = 0; i < part->spec.nderived; ++i) {
+        const pm_derived_spec *derived = &part->spec.derived[i];
+        const pm_node own = covector[part->layout.ngroup + i];
+        if (own == PM_NO_NODE) {
+            continue;
+        }
+        const pm_node all =
+            pm_matmul(g, own, false, node_of(g, &part->params, derived, "matrix"), false);
+        int first = 0;
+        for (int k = 0; k < derived->ngroup; ++k) {
+            const pm_group *group = pm_layout_find(&part->layout, derived->group[k]);
+            pm_node *sum = &covector[group - part->layout.group];
+            *sum = pm_add_or(g, *sum, pm_slice(g, all, first, group->size));
+            first += group->size;
+        }
+    }
+}
+
+void pm_part_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols, pm_node *radius) {
+    const int ngroup = part->layout.ngroup;
+    for (int i = 0; i < ngroup; ++i) {
+        if (radius[i] != PM_NO_NODE) {
+            const pm_node size = pm_magnitude(g, symbols->symbol[i].node);
+            radius[i] = pm_add(g, radius[i], pm_scale(g, size, PM_PART_ROUNDING));
+        }
+    }
+    for (int i = 0; i < part->spec.nderived; ++i) {
+        const pm_derived_spec *derived = &part->spec.derived[i];
+        // The radii of its groups side by side; PM_NO_NODE if no group moves.
+        pm_node side[PM_MAX_GROUPS];
+        bool any = false;
+        for (int k = 0; k < derived->ngroup; ++k) {
+            const pm_group *group = pm_layout_find(&part->layout, derived->group[k]);
+            const pm_node own = radius[group - part->layout.group];
+            side[k] = own == PM_NO_NODE ? pm_constant(g, 0, 1, group->size) : own;
+            any = any || own != PM_NO_NODE;
+        }
+        const pm_node moves = any ? pm_concat(g, derived->ngroup, side) : PM_NO_NODE;
+        radius[ngroup + i] = PM_NO_NODE;
+        if (moves != PM_NO_NODE) {
+            const pm_node values = pm_magnitude(g, join(g, derived, symbols));
+            const pm_node matrix = pm_magnitude(g, node_of(g, &part->params, derived, "matrix"));
+            const pm_node offset = pm_magnitude(g, node_of(g, &part->params, derived, "offset"));
+            // Values of groups that do not move are rounded too.
+            const pm_node most = pm_add(g, moves, pm_scale(g, values, PM_PART_ROUNDING));
+            radius[ngroup + i] = pm_add(g, pm_matmul(g, most, false, matrix, true),
+                                        pm_scale(g, offset, PM_PART_ROUNDING));
+        }
+    }
+}
 
 // Returns the site of the state: its groups, and the symbols of groups and co-energies, which are
 // called "dE.<group>" and "dS.<group>".
@@ -22,7 +164,17 @@ static pm_site site_of(const pm_part *part, pm_graph *g, pm_node z, pm_node dE, 
 pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z) {
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, g, &part->layout, "", z);
-    pm_derived_add(part, g, &symbols);
+    for (int i = 0; i < part->spec.nderived; ++i) { // behind the groups, on which they depend
+        const pm_derived_spec *derived = &part->spec.derived[i];
+        pm_node node = PM_NO_NODE;
+        if (g != NULL) {
+            node = pm_add(g,
+                          pm_matmul(g, join(g, derived, &symbols), false,
+                                    node_of(g, &part->params, derived, "matrix"), true),
+                          node_of(g, &part->params, derived, "offset"));
+        }
+        pm_symbols_add_one(&symbols, derived->name, derived->size, node);
+    }
     pm_constants_add(part->spec.constants, g, &part->params, &symbols);
     return symbols;
 }
@@ -36,33 +188,30 @@ static pm_operator irreversible(const pm_part *part) {
                          "irreversible"};
 }
 
-static pm_status check_free(const pm_part_spec *spec) {
-    if (spec->nderived > 0 || pm_potential_exists(&spec->energy) ||
-        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
-        pm_operator_exists(&spec->irreversible)) {
-        return pm_fail(PM_ECONFIG,
-                       "form: free has a rate and nothing else: no derived variables, energy, "
-                       "entropy, reversible or irreversible operator");
-    }
-    return PM_OK;
+// --- kinds ---
+
+typedef struct part_kind {
+    pm_status (*check)(const pm_part_spec *spec);
+    pm_status (*declare)(pm_part *part);
+    // A potential exists, or has discrete derivatives, beyond what the spec says of it.
+    bool has_entropy, is_discrete;
+} part_kind;
+
+// Returns true if the spec has nothing but its form, and what is not listed here.
+static bool is_bare(const pm_part_spec *spec) {
+    return spec->nderived == 0 && !pm_potential_exists(&spec->energy) &&
+           !pm_potential_exists(&spec->entropy) && !pm_operator_exists(&spec->reversible) &&
+           !pm_operator_exists(&spec->irreversible);
 }
 
-static pm_status check_solid(const pm_part_spec *spec) {
-    if (spec->form != PM_HARD || spec->nderived > 0 || pm_potential_exists(&spec->energy) ||
-        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
-        pm_operator_exists(&spec->irreversible)) {
-        return pm_fail(PM_ECONFIG, "a solid is hard, and has no energy, entropy, operators or "
-                                   "derived variables beside it");
-    }
-    return PM_OK;
-}
-
-static pm_status check_spec(const pm_part_spec *spec) {
-    if (spec->solid != NULL) {
-        return check_solid(spec);
-    }
+static pm_status check_graph(const pm_part_spec *spec) {
     if (spec->form == PM_FREE) {
-        return check_free(spec);
+        return is_bare(spec)
+                   ? PM_OK
+                   : pm_fail(
+                         PM_ECONFIG,
+                         "form: free has a rate and nothing else: no derived variables, energy, "
+                         "entropy, reversible or irreversible operator");
     }
     if (!pm_potential_exists(&spec->energy)) {
         return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
@@ -73,16 +222,14 @@ static pm_status check_spec(const pm_part_spec *spec) {
     return PM_OK;
 }
 
-pm_status pm_part_declare(pm_part *part) {
-    PM_TRY(pm_spec_locate(part->spec.at, check_spec(&part->spec)));
-    if (part->spec.solid != NULL) {
-        return pm_solid_material_declare(part->spec.solid, &part->params);
-    }
+static pm_status declare_graph(pm_part *part) {
     const pm_site site = site_of(part, NULL, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE);
     if (part->spec.form == PM_FREE) {
         return pm_unstructured_rate_declare(&part->spec.rate, &site, &part->params, "rate");
     }
-    PM_TRY(pm_derived_declare(part));
+    for (int i = 0; i < part->spec.nderived; ++i) {
+        PM_TRY(pm_spec_locate(part->spec.derived[i].at, declare_derived(part, i)));
+    }
     PM_TRY(
         pm_spec_locate(part->spec.at, pm_constants_declare(part->spec.constants, &part->params)));
     const pm_symbols symbols = pm_part_symbols(part, NULL, PM_NO_NODE);
@@ -91,6 +238,32 @@ pm_status pm_part_declare(pm_part *part) {
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_operator_declare(&L, &site, &part->params));
     return pm_operator_declare(&M, &site, &part->params);
+}
+
+static pm_status check_solid(const pm_part_spec *spec) {
+    return spec->form == PM_HARD && is_bare(spec)
+               ? PM_OK
+               : pm_fail(PM_ECONFIG, "a solid is hard, and has no energy, entropy, operators or "
+                                     "derived variables beside it");
+}
+
+static pm_status declare_solid(pm_part *part) {
+    return pm_solid_material_declare(part->spec.solid, &part->params);
+}
+
+static const part_kind kinds[PM_PART_KINDS] = {
+    [PM_PART_GRAPH] = {check_graph, declare_graph, false, false},
+    [PM_PART_SOLID] = {check_solid, declare_solid, true, true},
+};
+
+pm_part_kind pm_part_kind_of(const pm_part *part) {
+    return part->spec.solid != NULL ? PM_PART_SOLID : PM_PART_GRAPH;
+}
+
+pm_status pm_part_declare(pm_part *part) {
+    const part_kind *kind = &kinds[pm_part_kind_of(part)];
+    PM_TRY(pm_spec_locate(part->spec.at, kind->check(&part->spec)));
+    return kind->declare(part);
 }
 
 void pm_part_free(pm_part *part) {
@@ -102,14 +275,14 @@ bool pm_part_has_energy(const pm_part *part) {
 }
 
 bool pm_part_has_entropy(const pm_part *part) {
-    return part->spec.solid != NULL || pm_potential_exists(&part->spec.entropy);
+    return kinds[pm_part_kind_of(part)].has_entropy || pm_potential_exists(&part->spec.entropy);
 }
 
 bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, const char *group) {
     bool depends = pm_potential_mentions(potential, group);
     for (int i = 0; i < part->spec.nderived; ++i) {
         const pm_derived_spec *derived = &part->spec.derived[i];
-        depends = depends || (pm_derived_is_of(derived, group) &&
+        depends = depends || (pm_is_listed(derived->ngroup, derived->group, group) &&
                               pm_potential_mentions(potential, derived->name));
     }
     return depends;
@@ -129,11 +302,9 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
 }
 
 bool pm_part_is_discrete(const pm_part *part) {
-    if (part->spec.solid != NULL) {
-        return true;
-    }
-    return pm_potential_is_discrete(&part->spec.energy) &&
-           pm_potential_is_discrete(&part->spec.entropy);
+    return kinds[pm_part_kind_of(part)].is_discrete ||
+           (pm_potential_is_discrete(&part->spec.energy) &&
+            pm_potential_is_discrete(&part->spec.entropy));
 }
 
 static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spec *spec,
@@ -144,7 +315,7 @@ static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spe
         covector[i] = PM_NO_NODE;
     }
     pm_potential_discrete(g, spec, &from, &to, &part->params, prefix, covector);
-    pm_derived_pull(part, g, covector);
+    pull_derived(part, g, covector);
     pm_node sum = PM_NO_NODE;
     for (int i = 0; i < part->layout.ngroup; ++i) {
         if (covector[i] != PM_NO_NODE) {

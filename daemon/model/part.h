@@ -10,6 +10,14 @@
 #include "model/params.h"
 #include "model/spec.h"
 
+// The kinds of parts. A table in part.c says what each needs to be declared; one in sim/ says how
+// it moves.
+typedef enum pm_part_kind {
+    PM_PART_GRAPH, // potentials and operators, or a rate, as expressions of a graph
+    PM_PART_SOLID, // a body on a mesh, in balance with its load
+    PM_PART_KINDS
+} pm_part_kind;
+
 typedef struct pm_part {
     pm_layout layout;
     pm_part_spec spec; // its pointers belong to the arena of the caller that made it
@@ -22,6 +30,7 @@ typedef struct pm_part {
 pm_status pm_part_declare(pm_part *part);
 void pm_part_free(pm_part *part); // frees the parameters
 
+pm_part_kind pm_part_kind_of(const pm_part *part);
 // Returns false for the free form, which defines no energy; E and all fluxes are then zero.
 bool pm_part_has_energy(const pm_part *part);
 // Returns true if the subsystem has an entropy. Without one, S, M and dS are never evaluated.
@@ -34,6 +43,14 @@ bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, co
 // Returns the symbols of a state z [1][nz]: its groups, then its derived variables, then the
 // learned constants. z is PM_NO_NODE and g is NULL while a spec is only being checked.
 pm_symbols pm_part_symbols(const pm_part *part, pm_graph *g, pm_node z);
+
+// Bound of the rounding error of a sum, relative to the sum of magnitudes. It is a thousand times
+// larger than double precision requires.
+#define PM_PART_ROUNDING 1e-12
+// Bounds the change of the derived variables if each group g changes by at most radius[g] [1][size
+// of group g], or not at all if radius[g] is PM_NO_NODE. Writes the bound of derived variable i,
+// with its rounding errors, to radius[ngroup + i]. `symbols` are those of pm_part_symbols.
+void pm_part_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols, pm_node *radius);
 
 // Return E [1][1] in J and S [1][1] in J/K for z [1][nz] batched. S is PM_NO_NODE if there is no
 // entropy.

@@ -1,6 +1,6 @@
 // A port between two subsystems: the exposed groups of both ends, the law that couples them
 // (equation (3), or a boundary term of (1)), and its parameters. A new law is one file
-// laws/<name>.c and one line in the table of port.c.
+// laws/<name>.c, one line in the table of port.c, and one in CMakeLists.txt.
 #ifndef PM_MODEL_PORT_H
 #define PM_MODEL_PORT_H
 
@@ -26,6 +26,9 @@ typedef struct pm_port_law {
     const char *name;
     bool conservative; // in the hard form the energy fluxes of both ends cancel by construction
     bool separate;     // the rate of one end can be evaluated without the rate of the other
+    // Its models name a matrix, or the ends that have boundary terms; they have no operators; a gap
+    // beside a solid shows its force at the end of the substep through it.
+    bool has_matrix, has_ends, has_no_operators, joins_gaps;
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
     // Returns the rate [1][ny] of the components exposed by `own` from the quantities that both

@@ -16,15 +16,6 @@ static const char *prefix_of(term_prefix buffer, const char *prefix, int term) {
     return buffer;
 }
 
-static pm_status declare_term(const pm_network_spec *term, const pm_symbols *symbols,
-                              pm_params *params, const char *prefix) {
-    PM_TRY(term->nthermal > 0 ? pm_thermal_declare(term, symbols, params, prefix)
-                              : pm_network_declare(term, symbols, 1, NULL, params, prefix));
-    char unit[sizeof(term_prefix) + 8];
-    snprintf(unit, sizeof unit, "%s.unit", prefix);
-    return term->scaled ? pm_params_add(params, unit, 1, 1, false, 0, 1) : PM_OK;
-}
-
 // Returns the output of a network times the parameter "<prefix>.unit", where the network has one.
 static pm_node scale_term(pm_graph *g, const pm_network_spec *term, const pm_params *params,
                           const char *prefix, pm_node out) {
@@ -38,16 +29,6 @@ static pm_node build_from(pm_graph *g, const pm_network_spec *term, pm_node feat
                ? pm_thermal_build_from(g, term, features, params, prefix)
                : scale_term(g, term, params, prefix,
                             pm_network_build_from(g, term, features, 1, params, prefix));
-}
-
-static pm_node build_term(pm_graph *g, const pm_network_spec *term, const pm_symbols *symbols,
-                          const pm_params *params, const char *prefix) {
-    if (term->nfeature > 0) {
-        const pm_node features = pm_features_build(g, term->nfeature, term->feature, symbols);
-        return build_from(g, term, features, params, prefix);
-    }
-    return scale_term(g, term, params, prefix,
-                      pm_network_build(g, term, symbols, 1, params, prefix));
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
@@ -86,7 +67,13 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
                                   pm_fail(PM_ECONFIG, "only the energy of an entropy variable has "
                                                       "a temperature and exponentials"));
         }
-        PM_TRY(declare_term(&spec->term[i], symbols, params, prefix_of(term, prefix, i)));
+        prefix_of(term, prefix, i);
+        PM_TRY(spec->term[i].nthermal > 0
+                   ? pm_thermal_declare(&spec->term[i], symbols, params, term)
+                   : pm_network_declare(&spec->term[i], symbols, 1, NULL, params, term));
+        char unit[sizeof term + 8];
+        snprintf(unit, sizeof unit, "%s.unit", term);
+        PM_TRY(spec->term[i].scaled ? pm_params_add(params, unit, 1, 1, false, 0, 1) : PM_OK);
     }
     return PM_OK;
 }
@@ -104,9 +91,19 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
         sum = pm_add_or(g, sum, pm_scale(g, term, coefficient));
     }
     for (int i = 0; i < spec->nterm; ++i) {
+        const pm_network_spec *network = &spec->term[i];
         term_prefix term;
-        sum = pm_add_or(g, sum,
-                        build_term(g, &spec->term[i], symbols, params, prefix_of(term, prefix, i)));
+        prefix_of(term, prefix, i);
+        pm_node value;
+        if (network->nfeature > 0) {
+            const pm_node features =
+                pm_features_build(g, network->nfeature, network->feature, symbols);
+            value = build_from(g, network, features, params, term);
+        } else {
+            value = pm_network_build(g, network, symbols, 1, params, term);
+            value = scale_term(g, network, params, term, value);
+        }
+        sum = pm_add_or(g, sum, value);
     }
     return sum;
 }
@@ -117,18 +114,6 @@ bool pm_potential_is_discrete(const pm_potential_spec *spec) {
         all = all && pm_features_are_discrete(spec->term[i].nfeature, spec->term[i].feature);
     }
     return all;
-}
-
-// Adds the coefficients of the known linear form, which are its discrete derivative.
-static void discrete_given(pm_graph *g, const pm_potential_spec *spec, const pm_symbols *from,
-                           const pm_symbols *to, pm_node *covector) {
-    for (int i = 0; i < spec->ngiven; ++i) {
-        int size = 1;
-        pm_feature_size(spec->given[i], from, &size);
-        const double coefficient = spec->given_coefficient == NULL ? 1 : spec->given_coefficient[i];
-        const pm_node weight = pm_constant(g, coefficient, 1, size);
-        pm_features_discrete(g, 1, &spec->given[i], from, to, weight, covector);
-    }
 }
 
 // Returns the slope of a network between two values of its features: the derivative at their mean,
@@ -162,7 +147,13 @@ void pm_potential_discrete(pm_graph *g, const pm_potential_spec *spec, const pm_
     for (int i = 0; i < spec->nformula; ++i) {
         pm_formula_discrete(g, &spec->formula[i], from, to, covector);
     }
-    discrete_given(g, spec, from, to, covector);
+    for (int i = 0; i < spec->ngiven; ++i) { // the coefficients are the discrete derivative
+        int size = 1;
+        pm_feature_size(spec->given[i], from, &size);
+        const double coefficient = spec->given_coefficient == NULL ? 1 : spec->given_coefficient[i];
+        const pm_node weight = pm_constant(g, coefficient, 1, size);
+        pm_features_discrete(g, 1, &spec->given[i], from, to, weight, covector);
+    }
     for (int i = 0; i < spec->nterm; ++i) {
         const pm_network_spec *network = &spec->term[i];
         if (network->nfeature == 0) {
@@ -186,13 +177,9 @@ pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *sy
         if (spec->term[i].nthermal > 0) {
             PM_TRY(pm_thermal_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
                                     context));
-        } else if (spec->term[i].nfeature > 0) {
-            const pm_normaliser n = {.kind = PM_NORMALISE_FEATURES,
-                                     .prefix = prefix_of(term, prefix, i),
-                                     .count = spec->term[i].nfeature,
-                                     .expression = spec->term[i].feature,
-                                     .symbols = symbols};
-            PM_TRY(visit(context, &n));
+        } else {
+            PM_TRY(pm_network_visit(&spec->term[i], symbols, prefix_of(term, prefix, i), visit,
+                                    context));
         }
         if (spec->term[i].scaled && spec->term[i].nthermal == 0) {
             const pm_normaliser unit = {.kind = PM_NORMALISE_UNIT,

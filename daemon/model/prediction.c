@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "model/given.h"
+#include "model/site.h"
 
 // Keeps the slope finite where the exchange has converged.
 #define SMALLEST_CHANGE 1e-100
@@ -30,19 +30,6 @@ typedef struct exchange {
     int n[2];
 } exchange;
 
-static exchange exchange_of(pm_graph *g, const pm_port_model *port, const pm_port_nodes end[2]) {
-    exchange x;
-    pm_node response[2];
-    for (int i = 0; i < 2; ++i) {
-        const bool responds = end[i].response != PM_NO_NODE;
-        x.n[i] = port->layout[i].nz;
-        x.e[i] = responds ? end[i].e : PM_NO_NODE;
-        response[i] = responds ? end[i].response : pm_constant(g, 0, 1, x.n[i]);
-    }
-    x.response = pm_concat(g, 2, response);
-    return x;
-}
-
 // Returns the change of the rate by Newton's method for the equation r = f(e + R (r - last)), where
 // R is the response. With the defect d = f(e) - last and J = df/de the change is (1 - J R)^-1 d,
 // which is taken along d. Measured by the power d . R d, the slope is -R d . J R d / d . R d. It is
@@ -62,13 +49,6 @@ static pm_node newton_change(pm_graph *g, const exchange *x, pm_node rate, pm_no
     return pm_mul(g, defect, pm_div(g, moved, all));
 }
 
-// Returns the component of `wanted` along `direction` in the metric of the response R.
-static pm_node along(pm_graph *g, const exchange *x, pm_node direction, pm_node wanted) {
-    const pm_node rise = pm_mul(g, direction, x->response);
-    const pm_node square = pm_offset(g, pm_dot(g, direction, rise), SMALLEST_CHANGE);
-    return pm_mul(g, direction, pm_div(g, pm_dot(g, wanted, rise), square));
-}
-
 pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port_nodes end[2],
                      pm_node last, pm_node *next, pm_node *degeneracy) {
     *next = PM_NO_NODE;
@@ -78,7 +58,15 @@ pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port
     if (rate == PM_NO_NODE) {
         return port->law->rate(g, port, own, end, degeneracy);
     }
-    const exchange x = exchange_of(g, port, end);
+    exchange x;
+    pm_node response[2];
+    for (int i = 0; i < 2; ++i) {
+        const bool responds = end[i].response != PM_NO_NODE;
+        x.n[i] = port->layout[i].nz;
+        x.e[i] = responds ? end[i].e : PM_NO_NODE;
+        response[i] = responds ? end[i].response : pm_constant(g, 0, 1, x.n[i]);
+    }
+    x.response = pm_concat(g, 2, response);
     const pm_node change = newton_change(g, &x, rate, last);
     const pm_node rise = pm_mul(g, change, x.response);
     for (int i = 0; i < 2; ++i) {
@@ -87,7 +75,11 @@ pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port
         }
     }
     const pm_node predicted = port->law->irreversible(g, port, end);
-    *next = along(g, &x, predicted, pm_add_or(g, last, change));
+    // The component of the rate so far along the prediction, in the metric of the response.
+    const pm_node wanted = pm_add_or(g, last, change);
+    const pm_node own_rise = pm_mul(g, predicted, x.response);
+    const pm_node square = pm_offset(g, pm_dot(g, predicted, own_rise), SMALLEST_CHANGE);
+    *next = pm_mul(g, predicted, pm_div(g, pm_dot(g, wanted, own_rise), square));
     const pm_node correction = pm_sub(g, *next, predicted);
     return pm_add(g, port->law->rate(g, port, own, end, degeneracy),
                   pm_slice(g, correction, own == PM_END_A ? 0 : x.n[0], x.n[own]));

@@ -6,6 +6,7 @@
 #define PM_MODEL_SPEC_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "base/status.h"
 
@@ -19,6 +20,10 @@
 #define PM_DEFAULT_EXPONENTIALS 2
 #define PM_DEFAULT_TEMPERATURE 300.0 // K
 
+// The physical role of a group. It follows from the dimension of the unit alone: an entropy has the
+// dimension of J/K, in whatever unit (kJ/K, eV/K). Nothing else decides which group is an entropy.
+typedef enum pm_role { PM_ROLE_OTHER, PM_ROLE_ENTROPY } pm_role;
+
 // A group: named components that belong together, such as a vector (position, momentum) or a
 // scalar.
 typedef struct pm_group {
@@ -26,6 +31,7 @@ typedef struct pm_group {
     const char *unit; // e.g. "kg m/s"
     int size;         // components
     int first;        // position of its first component in the state
+    pm_role role;     // pm_role_of(unit)
 } pm_group;
 
 // A list of at most PM_MAX_GROUPS groups. A copy of a layout refers to the same groups.
@@ -35,12 +41,19 @@ typedef struct pm_layout {
     int nz;          // components in all
 } pm_layout;
 
+// Returns the role of a group with this unit (base/unit.h).
+pm_role pm_role_of(const char *unit);
+// Appends a group behind the others of a layout, which has room for it, and sets its role. The
+// layout borrows both texts.
+void pm_layout_add(pm_layout *layout, const char *name, const char *unit, int size);
 // Returns the group called `name`, or NULL.
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name);
 // Returns true if both have the same name, unit and size.
 bool pm_group_equal(const pm_group *a, const pm_group *b);
 // Returns true if both have equal groups in the same order.
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
+// Returns `digest` (base/digest.h) with the names, units and sizes of all groups folded in.
+uint64_t pm_layout_digest(const pm_layout *layout, uint64_t digest);
 
 // --- where a spec was read ---
 

@@ -73,19 +73,6 @@ pm_node pm_thermal_deviation(pm_graph *g, const pm_network_spec *spec, const pm_
     return pm_concat(g, 2, part);
 }
 
-// Returns the logarithms of the shares of the exponentials in the temperature at s = mean, h = 0
-// [rows][count].
-static pm_node build_shares(pm_graph *g, const pm_network_spec *spec, int rows,
-                            const pm_params *params, const char *prefix) {
-    if (spec->exponentials == 1) {
-        return pm_constant(g, 0, rows, 1);
-    }
-    const pm_node amplitude = pm_network_param(g, params, prefix, "amplitude");
-    const pm_node one = pm_constant(g, 1, rows, spec->exponentials);
-    const pm_node sum = pm_dot(g, pm_exp(g, amplitude), one);
-    return pm_sub(g, amplitude, pm_log(g, sum));
-}
-
 // The forms [rows][count] of the exponentials before h is added, and beta and B of them.
 typedef struct rises {
     pm_node form, beta, height;
@@ -119,8 +106,17 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     const pm_node warmth = pm_warmth(g, params);
     const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
     const int n = pm_graph_shape(g, deviation).cols, rows = rows_of(spec, n);
-    const pm_node size = pm_add(g, build_shares(g, spec, rows, params, prefix),
-                                warmth); // ln A w [rows][count]
+    // The logarithms of the shares of the exponentials in the temperature at s = mean, h = 0.
+    pm_node share;
+    if (count == 1) {
+        share = pm_constant(g, 0, rows, 1);
+    } else {
+        const pm_node amplitude = pm_network_param(g, params, prefix, "amplitude");
+        const pm_node one = pm_constant(g, 1, rows, count);
+        const pm_node sum = pm_dot(g, pm_exp(g, amplitude), one);
+        share = pm_sub(g, amplitude, pm_log(g, sum));
+    }
+    const pm_node size = pm_add(g, share, warmth); // ln A w [rows][count]
     const pm_node rise = pm_sub(g, pm_network_param(g, params, prefix, "exponent"), warmth);
     const pm_node exponent = pm_offset(g, pm_exp(g, rise), SMALLEST_EXPONENT); // b [n][count]
     const int nx = pm_graph_shape(g, features).cols - n;
@@ -154,17 +150,13 @@ pm_status pm_thermal_visit(const pm_network_spec *spec, const pm_symbols *symbol
                                .count = spec->nthermal,
                                .expression = entropy,
                                .symbols = symbols};
-    const pm_normaliser body = {.kind = PM_NORMALISE_FEATURES,
-                                .prefix = join(name, prefix, "body"),
-                                .count = nx,
-                                .expression = spec->feature,
-                                .symbols = symbols};
+    const pm_network_spec body = body_of(spec);
     const pm_normaliser unit = {.kind = PM_NORMALISE_UNIT,
                                 .prefix = prefix,
                                 .count = spec->nthermal,
                                 .expression = entropy,
                                 .symbols = symbols};
     PM_TRY(visit(context, &own));
-    PM_TRY(nx > 0 ? visit(context, &body) : PM_OK);
+    PM_TRY(pm_network_visit(&body, symbols, join(name, prefix, "body"), visit, context));
     return visit(context, &unit);
 }

@@ -30,13 +30,5 @@ pm_status pm_unstructured_rate_visit(const pm_network_spec *spec, const pm_site 
                                  .expression = group,
                                  .symbols = &site->symbols};
     PM_TRY(visit(context, &scale));
-    if (spec->nfeature == 0) {
-        return PM_OK;
-    }
-    const pm_normaliser features = {.kind = PM_NORMALISE_FEATURES,
-                                    .prefix = prefix,
-                                    .count = spec->nfeature,
-                                    .expression = spec->feature,
-                                    .symbols = &site->symbols};
-    return visit(context, &features);
+    return pm_network_visit(spec, &site->symbols, prefix, visit, context);
 }

@@ -8,64 +8,53 @@
 #include "base/digest.h"
 #include "store/names.h"
 
-// Finds the dataset column of one prescribed value, or one of the numbers in its place; a live
-// value without a column counts as a constant. `names` are the column names of the dataset; NULL:
-// there is no dataset.
-static pm_status find_column(const pm_scene_boundary_input *owner, const pm_scene_prescribed *value,
-                             bool live, const pm_names *names, int *column) {
-    *column = PM_BOUNDARY_INPUT_CONSTANT;
-    if (value->column == NULL || (live && names == NULL)) {
-        return PM_OK;
-    }
-    if (names == NULL) {
-        return pm_fail(
-            PM_ECONFIG,
-            "%s: boundary input %s follows the column \"%s\", but there is no `reference`",
-            value->at, owner->name, value->column);
-    }
-    const int found = pm_names_find(names, value->column);
-    const bool time = found < 0 && !live && strcmp(value->column, "time") == 0;
-    *column = time ? PM_BOUNDARY_INPUT_TIME : found;
-    return *column != PM_BOUNDARY_INPUT_CONSTANT || live
-               ? PM_OK
-               : pm_fail(PM_EDATA, "%s: boundary input %s: column \"%s\" is not in the dataset",
-                         value->at, owner->name, value->column);
-}
-
+// Finds the dataset column of each prescribed value, or one of the numbers in its place; a live
+// value without a column counts as a constant. `any` tells whether a value follows a column or the
+// time.
 static pm_status find_columns(pm_boundary_input *boundary_input, const pm_dataset *dataset,
-                              pm_arena *arena) {
+                              pm_arena *arena, bool *any) {
+    const pm_physics *physics = &boundary_input->scene->physics;
     pm_names names;
+    *any = false;
     if (dataset != NULL) {
         PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
     }
-    for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
-        const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *owner = &physics->boundary_input[i];
         for (int k = 0; k < 3 * owner->layout.nz; ++k) {
             const pm_scene_prescribed *value = &owner->value[k];
-            const int live_id = value->column == NULL
-                                    ? -1
-                                    : pm_scene_find_live(boundary_input->scene, value->column);
+            const char *name = value->column;
+            const int live_id = name == NULL ? -1 : pm_scene_find_live(boundary_input->scene, name);
+            int column = PM_BOUNDARY_INPUT_CONSTANT;
+            if (name != NULL && dataset != NULL) {
+                column = pm_names_find(&names, name);
+                if (column < 0 && live_id < 0 && strcmp(name, "time") == 0) {
+                    column = PM_BOUNDARY_INPUT_TIME;
+                }
+            }
+            if (name != NULL && live_id < 0 && dataset == NULL) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: boundary input %s follows the column \"%s\", but there is no "
+                               "`reference`",
+                               value->at, owner->name, name);
+            }
+            if (name != NULL && live_id < 0 && column == PM_BOUNDARY_INPUT_CONSTANT) {
+                return pm_fail(PM_EDATA,
+                               "%s: boundary input %s: column \"%s\" is not in the dataset",
+                               value->at, owner->name, name);
+            }
             boundary_input->live_id[owner->first + k] = live_id;
-            PM_TRY(find_column(owner, value, live_id >= 0, dataset == NULL ? NULL : &names,
-                               &boundary_input->column[owner->first + k]));
+            boundary_input->column[owner->first + k] = column;
+            *any = *any || column != PM_BOUNDARY_INPUT_CONSTANT;
         }
     }
     return PM_OK;
 }
 
-static bool has_columns(const pm_boundary_input *boundary_input) {
-    for (int i = 0; i < boundary_input->n; ++i) {
-        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT) {
-            return true;
-        }
-    }
-    return false;
-}
-
 // Writes the prescribed numbers to value [n].
 static void take_numbers(const pm_boundary_input *boundary_input) {
-    for (int i = 0; i < boundary_input->scene->nboundary_input; ++i) {
-        const pm_scene_boundary_input *owner = &boundary_input->scene->boundary_input[i];
+    for (int i = 0; i < boundary_input->scene->physics.nboundary_input; ++i) {
+        const pm_scene_boundary_input *owner = &boundary_input->scene->physics.boundary_input[i];
         for (int k = 0; k < 3 * owner->layout.nz; ++k) {
             boundary_input->value[owner->first + k] = owner->value[k].number;
         }
@@ -74,19 +63,17 @@ static void take_numbers(const pm_boundary_input *boundary_input) {
 
 pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_scene *scene,
                                  const pm_dataset *dataset, int stride, pm_arena *arena) {
-    const size_t n = (size_t)scene->nprescribed;
-    *boundary_input =
-        (pm_boundary_input){.n = scene->nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
+    const size_t n = (size_t)scene->physics.nprescribed;
+    *boundary_input = (pm_boundary_input){
+        .n = scene->physics.nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
     boundary_input->column = pm_arena_array(arena, n, sizeof *boundary_input->column);
     boundary_input->value = pm_arena_array(arena, n, sizeof *boundary_input->value);
     boundary_input->live_id = pm_arena_array(arena, n, sizeof *boundary_input->live_id);
-    if (boundary_input->column == NULL || boundary_input->value == NULL ||
-        boundary_input->live_id == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
-    }
-    PM_TRY(find_columns(boundary_input, dataset, arena));
+    PM_TRY(pm_arena_status(arena, "boundary inputs"));
+    bool follows;
+    PM_TRY(find_columns(boundary_input, dataset, arena, &follows));
     size_t intervals = 1;
-    if (has_columns(boundary_input)) {
+    if (follows) {
         if (dataset->ntime < 2) {
             return pm_fail(PM_EDATA, "%s: a boundary input cannot follow a trajectory of one state",
                            scene->path);
@@ -97,9 +84,7 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
     }
     boundary_input->coefficient = pm_arena_array(arena, intervals * PM_BOUNDARY_INPUT_ORDER * n,
                                                  sizeof *boundary_input->coefficient);
-    if (boundary_input->coefficient == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for boundary inputs");
-    }
+    PM_TRY(pm_arena_status(arena, "boundary inputs"));
     take_numbers(boundary_input);
     memcpy(boundary_input->coefficient, boundary_input->value, n * sizeof *boundary_input->value);
     return PM_OK;
@@ -125,14 +110,6 @@ static void interpolate(int n, int origin, double *d, double power[PM_BOUNDARY_I
     }
 }
 
-// Returns the value of input i, which follows a column or the time, in state j of a trajectory.
-static double follow(const pm_boundary_input *boundary_input, const pm_dataset *dataset,
-                     int trajectory, int i, int j) {
-    const int column = boundary_input->column[i];
-    return column == PM_BOUNDARY_INPUT_TIME ? dataset->t[j] - dataset->t[0]
-                                            : pm_dataset_state(dataset, trajectory, j)[column];
-}
-
 void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
                               int trajectory) {
     const int ntime = boundary_input->end == LONG_MAX ? 1 : dataset->ntime;
@@ -148,9 +125,12 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
         for (int i = 0; i < boundary_input->n; ++i) {
             double state[PM_BOUNDARY_INPUT_ORDER],
                 power[PM_BOUNDARY_INPUT_ORDER] = {boundary_input->value[i]};
-            if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT) {
+            const int column = boundary_input->column[i];
+            if (column != PM_BOUNDARY_INPUT_CONSTANT) {
                 for (int k = 0; k < n; ++k) {
-                    state[k] = follow(boundary_input, dataset, trajectory, i, first + k);
+                    state[k] = column == PM_BOUNDARY_INPUT_TIME
+                                   ? dataset->t[first + k] - dataset->t[0]
+                                   : pm_dataset_state(dataset, trajectory, first + k)[column];
                 }
                 interpolate(n, j - first, state, power);
             }
@@ -166,29 +146,14 @@ const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input
                                              PM_BOUNDARY_INPUT_ORDER * (ptrdiff_t)boundary_input->n;
 }
 
-// Returns true if a value follows no column, because it is held or live.
-static bool is_replaced(const pm_boundary_input *boundary_input, int i) {
-    return (boundary_input->held != NULL && !isnan(boundary_input->held[i])) ||
-           (boundary_input->live != NULL && boundary_input->live_id[i] >= 0);
-}
-
-static void replace_values(const pm_boundary_input *boundary_input, double *value) {
-    for (int i = 0; i < boundary_input->n && boundary_input->live != NULL; ++i) {
-        const int live_id = boundary_input->live_id[i];
-        value[i] = live_id >= 0 ? boundary_input->live[live_id] : value[i];
-    }
-    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
-        value[i] = isnan(boundary_input->held[i]) ? value[i] : boundary_input->held[i];
-    }
-}
-
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step) {
     if (step < boundary_input->end) {
         return true;
     }
     for (int i = 0; i < boundary_input->n; ++i) {
-        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT &&
-            !is_replaced(boundary_input, i)) {
+        const bool held = boundary_input->held != NULL && !isnan(boundary_input->held[i]);
+        const bool live = boundary_input->live != NULL && boundary_input->live_id[i] >= 0;
+        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT && !held && !live) {
             return false;
         }
     }
@@ -211,7 +176,13 @@ void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, do
             value[i] = value[i] * x + c[i];
         }
     }
-    replace_values(boundary_input, value);
+    for (int i = 0; i < boundary_input->n && boundary_input->live != NULL; ++i) {
+        const int live_id = boundary_input->live_id[i];
+        value[i] = live_id >= 0 ? boundary_input->live[live_id] : value[i];
+    }
+    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
+        value[i] = isnan(boundary_input->held[i]) ? value[i] : boundary_input->held[i];
+    }
 }
 
 uint64_t pm_boundary_input_digest(const pm_boundary_input *boundary_input, uint64_t digest) {

@@ -8,29 +8,8 @@
 
 #include "store/names.h"
 
-static pm_status fail_memory(void) {
-    return pm_fail(PM_ENOMEM, "columns: out of memory");
-}
-
-static pm_status fail_missing(const pm_scene_subsystem *subsystem, int component,
-                              const pm_dataset *dataset, pm_arena *arena) {
-    const char *list = pm_names_fold(dataset->column, dataset->ncolumn, arena);
-    return pm_fail(PM_EDATA,
-                   "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %.255s",
-                   subsystem->column_at[component], subsystem->name, subsystem->column[component],
-                   list == NULL ? "" : list);
-}
-
-// Returns true if a component is one of a solid that nobody measures.
-static bool is_internal(const pm_scene_subsystem *subsystem, int component) {
-    const pm_layout *layout = &subsystem->layout;
-    int g = layout->ngroup - 1;
-    while (layout->group[g].first > component) {
-        --g;
-    }
-    return subsystem->mesh != NULL && subsystem->hidden[g];
-}
-
+// Finds the columns of a subsystem's state. `mapped` marks the columns of the dataset that are
+// taken.
 static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsystem,
                                 const pm_dataset *dataset, const pm_names *names, bool *mapped,
                                 pm_arena *arena) {
@@ -38,14 +17,21 @@ static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsyst
         return pm_fail(PM_ECONFIG, "%s: subsystem %s maps no columns of the dataset", subsystem->at,
                        subsystem->name);
     }
+    int g = 0; // the group of component i
     for (int i = 0; i < subsystem->layout.nz; ++i) {
+        g += i >= subsystem->layout.group[g].first + subsystem->layout.group[g].size;
         const int k = pm_names_find(names, subsystem->column[i]);
-        if (k < 0 && is_internal(subsystem, i)) {
-            c->column[subsystem->first + i] = -1;
+        if (k < 0 && subsystem->mesh != NULL && subsystem->hidden[g]) {
+            c->column[subsystem->first + i] = -1; // of a solid, and nobody measures it
             continue;
         }
         if (k < 0) {
-            return fail_missing(subsystem, i, dataset, arena);
+            const char *list = pm_names_fold(dataset->column, dataset->ncolumn, arena);
+            return pm_fail(
+                PM_EDATA,
+                "%s: subsystem %s: column \"%s\" is not in the dataset, which has: %.255s",
+                subsystem->column_at[i], subsystem->name, subsystem->column[i],
+                list == NULL ? "" : list);
         }
         if (mapped[k]) {
             return pm_fail(PM_ECONFIG, "%s: subsystem %s: column \"%s\" is mapped twice",
@@ -69,56 +55,15 @@ pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_i
                          column, unit);
 }
 
-static pm_status check_units(const pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
-                             pm_arena *arena) {
-    const char **unit;
-    PM_TRY(pm_dataset_units(dataset, arena, &unit));
-    for (int s = 0; s < scene->nsubsystem && unit != NULL; ++s) {
-        const pm_scene_subsystem *subsystem = &scene->subsystem[s];
-        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
-            const pm_group *group = &subsystem->layout.group[g];
-            for (int i = 0; i < group->size; ++i) {
-                const int k = c->column[subsystem->first + group->first + i];
-                PM_TRY(k < 0 ? PM_OK
-                             : pm_columns_check_unit(subsystem, g, dataset->column[k], unit[k]));
-            }
-        }
-    }
-    return PM_OK;
-}
-
-static pm_status bind_columns(pm_columns *c, const pm_scene *scene, const pm_dataset *dataset,
-                              pm_arena *arena) {
-    pm_names names;
-    bool *mapped = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *mapped);
-    if (mapped == NULL) {
-        return fail_memory();
-    }
-    PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
-    for (int s = 0; s < scene->nsubsystem; ++s) {
-        PM_TRY(bind_subsystem(c, &scene->subsystem[s], dataset, &names, mapped, arena));
-    }
-    return PM_OK;
-}
-
-// Returns the index of a group's name, in order of first appearance.
-static int group_index(pm_columns *c, const char *name) {
-    int g = 0;
-    while (g < c->ngroup && strcmp(c->group_name[g], name) != 0) {
-        ++g;
-    }
-    c->group_name[g] = name;
-    c->ngroup += g == c->ngroup;
-    return g;
-}
-
+// Numbers the group's name among those of all groups, in order of first appearance, and finds what
+// its components are measured from.
 static pm_status bind_group(pm_columns *c, const pm_scene *scene,
                             const pm_scene_subsystem *subsystem, int group_id) {
     const pm_group *group = &subsystem->layout.group[group_id];
     const int other_id = subsystem->relative_subsystem[group_id];
     int base = -1;
     if (other_id >= 0) {
-        const pm_scene_subsystem *other = &scene->subsystem[other_id];
+        const pm_scene_subsystem *other = &scene->physics.subsystem[other_id];
         const pm_group *from = &other->layout.group[subsystem->relative_group[group_id]];
         if (from->size != group->size) {
             return pm_fail(PM_ECONFIG,
@@ -130,7 +75,14 @@ static pm_status bind_group(pm_columns *c, const pm_scene *scene,
         base = other->first + from->first;
     }
     const bool mapped = c->column[subsystem->first + group->first] >= 0;
-    const int index = mapped ? group_index(c, group->name) : -1;
+    int index = mapped ? 0 : -1;
+    if (mapped) {
+        while (index < c->ngroup && strcmp(c->group_name[index], group->name) != 0) {
+            ++index;
+        }
+        c->group_name[index] = group->name;
+        c->ngroup += index == c->ngroup;
+    }
     for (int i = 0; i < group->size; ++i) {
         c->group[subsystem->first + group->first + i] = index;
         c->base[subsystem->first + group->first + i] = base < 0 ? -1 : base + i;
@@ -145,9 +97,7 @@ static pm_status order_components(pm_columns *c, const pm_scene *scene, const pm
     enum { UNSEEN, IN_CHAIN, ORDERED };
     char *mark = pm_arena_array(arena, (size_t)c->nz, sizeof *mark); // zeroed: UNSEEN
     int *chain = pm_arena_array(arena, (size_t)c->nz, sizeof *chain);
-    if (mark == NULL || chain == NULL) {
-        return fail_memory();
-    }
+    PM_TRY(pm_arena_status(arena, "columns"));
     int count = 0;
     for (int i = 0; i < c->nz; ++i) {
         int length = 0;
@@ -171,24 +121,38 @@ static pm_status order_components(pm_columns *c, const pm_scene *scene, const pm
 
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena) {
-    const size_t nz = (size_t)scene->nz;
+    const size_t nz = (size_t)scene->physics.nz;
     pm_columns c = {
-        .nz = scene->nz,
+        .nz = scene->physics.nz,
         .column = pm_arena_array(arena, nz, sizeof *c.column),
         .base = pm_arena_array(arena, nz, sizeof *c.base),
         .order = pm_arena_array(arena, nz, sizeof *c.order),
         .group = pm_arena_array(arena, nz, sizeof *c.group),
         .group_name = pm_arena_array(arena, nz, sizeof *c.group_name),
     };
-    if (c.column == NULL || c.base == NULL || c.order == NULL || c.group == NULL ||
-        c.group_name == NULL) {
-        return fail_memory();
+    pm_names names;
+    const char **unit;
+    bool *mapped = pm_arena_array(arena, (size_t)dataset->ncolumn, sizeof *mapped);
+    PM_TRY(pm_arena_status(arena, "columns"));
+    PM_TRY(pm_names_sort(&names, dataset->column, dataset->ncolumn, arena));
+    for (int s = 0; s < scene->physics.nsubsystem; ++s) {
+        PM_TRY(bind_subsystem(&c, &scene->physics.subsystem[s], dataset, &names, mapped, arena));
     }
-    PM_TRY(bind_columns(&c, scene, dataset, arena));
-    PM_TRY(check_units(&c, scene, dataset, arena));
-    for (int s = 0; s < scene->nsubsystem; ++s) {
-        for (int g = 0; g < scene->subsystem[s].layout.ngroup; ++g) {
-            PM_TRY(bind_group(&c, scene, &scene->subsystem[s], g));
+    PM_TRY(pm_dataset_units(dataset, arena, &unit));
+    for (int s = 0; s < scene->physics.nsubsystem; ++s) {
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[s];
+        for (int g = 0; g < subsystem->layout.ngroup && unit != NULL; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            for (int i = 0; i < group->size; ++i) {
+                const int k = c.column[subsystem->first + group->first + i];
+                PM_TRY(k < 0 ? PM_OK
+                             : pm_columns_check_unit(subsystem, g, dataset->column[k], unit[k]));
+            }
+        }
+    }
+    for (int s = 0; s < scene->physics.nsubsystem; ++s) {
+        for (int g = 0; g < scene->physics.subsystem[s].layout.ngroup; ++g) {
+            PM_TRY(bind_group(&c, scene, &scene->physics.subsystem[s], g));
         }
     }
     PM_TRY(order_components(&c, scene, dataset, arena));

@@ -34,12 +34,6 @@
            (5 + SQRT5) / 2}},                                                          \
     .b = {1.0 / 12, 0, 0, 0, 5.0 / 12, 5.0 / 12, 1.0 / 12}
 
-// MRI-GARK-ERK33a (Sandu, SIAM J. Numer. Anal. 57 (2019) 2300), from Heun's third-order method.
-#define MULTIRATE3                                                                                \
-    .nstage = 3, .order = 3, .multirate = true, .width = {1.0 / 3, 1.0 / 3, 1.0 / 3},             \
-    .a = {{1.0 / 3}, {-1.0 / 3, 2.0 / 3}, {0, -2.0 / 3, 1}}, .slope = {{0}, {0}, {0.5, 0, -0.5}}, \
-    .b = {0.25, 0, 0.75}
-
 // Discrete gradients (Gonzalez 1996; for thermoelastic systems Romero, Int. J. Numer. Meth. Engng
 // 79 (2009) 706). The implicit equation is solved by fixed-point iteration from the Euler
 // predictor: energy is conserved to the error of the iteration, whatever the step.
@@ -53,18 +47,16 @@
           {0, 0, 0, 0, 1},        \
           {0, 0, 0, 0, 0, 1},     \
           {0, 0, 0, 0, 0, 0, 1}}, \
-    .b = {0, 0, 0, 0, 0, 0, 0, 1}, .discrete = true, .most_iterations = 50
+    .b = {0, 0, 0, 0, 0, 0, 0, 1}, .family = PM_DISCRETE_GRADIENT, .most_iterations = 50
 
 // Every method: its name, then its members.
-#define INTEGRATORS(METHOD)                                     \
-    METHOD("euler", EULER)                                      \
-    METHOD("heun", HEUN)                                        \
-    METHOD("rk4", RK4)                                          \
-    METHOD("rk4_balanced", RK4, .balanced = true)               \
-    METHOD("rk6", RK6)                                          \
-    METHOD("rk6_balanced", RK6, .balanced = true)               \
-    METHOD("multirate3", MULTIRATE3)                            \
-    METHOD("multirate3_balanced", MULTIRATE3, .balanced = true) \
+#define INTEGRATORS(METHOD)                       \
+    METHOD("euler", EULER)                        \
+    METHOD("heun", HEUN)                          \
+    METHOD("rk4", RK4)                            \
+    METHOD("rk4_balanced", RK4, .balanced = true) \
+    METHOD("rk6", RK6)                            \
+    METHOD("rk6_balanced", RK6, .balanced = true) \
     METHOD("discrete_gradient", DISCRETE_GRADIENT)
 
 #define ENTRY(name_, ...) {.name = name_, __VA_ARGS__},
@@ -82,12 +74,12 @@ const pm_integrator *pm_integrator_find(const char *name) {
 }
 
 double pm_integrator_time(const pm_integrator *rk, int stage) {
-    if (rk->discrete) {
+    if (pm_integrator_iterates(rk)) {
         return 0.5;
     }
     double sum = 0;
     for (int i = 0; i < stage; ++i) {
-        sum += rk->multirate ? rk->width[i] : rk->a[stage][i];
+        sum += rk->a[stage][i];
     }
     return sum;
 }

@@ -10,7 +10,7 @@ static pm_status check_steps(const pm_hdf5 *file, const char *path, const pm_sce
                              int count, double *column) {
     PM_TRY(pm_hdf5_read(file, "/time", 1, &count, column));
     for (int i = 0; i < count; ++i) {
-        if (column[i] != pm_scene_time(scene, 0, i)) {
+        if (column[i] != pm_scene_time(scene, i)) {
             return pm_fail(PM_EDATA,
                            "%s: step %d is missing: only a recording of every step can be "
                            "replayed",
@@ -28,7 +28,7 @@ static pm_status read_input(const pm_hdf5 *file, const pm_scene *scene,
         snprintf(name, sizeof name, "/live/%s", input->name[i]);
         PM_TRY(pm_hdf5_read(file, name, 1, &count, column));
         for (int k = 1; k < count; ++k) {
-            value[(ptrdiff_t)(k - 1) * scene->nlive + input->first + i] = column[k];
+            value[(ptrdiff_t)(k - 1) * scene->network.nlive + input->first + i] = column[k];
         }
     }
     return PM_OK;
@@ -41,13 +41,13 @@ static pm_status read_all(const pm_hdf5 *file, const char *path, const pm_scene 
     PM_TRY(pm_hdf5_shape(file, "/time", 1, &count));
     PM_TRY(pm_hdf5_read_integer(file, "/", "committed", &certain));
     double *column = pm_arena_array(arena, (size_t)count, sizeof *column);
-    *value = pm_arena_array(arena, (size_t)count * (size_t)scene->nlive, sizeof **value);
+    *value = pm_arena_array(arena, (size_t)count * (size_t)scene->network.nlive, sizeof **value);
     if (column == NULL || *value == NULL) {
         return pm_fail(PM_ENOMEM, "%s: out of memory", path);
     }
     PM_TRY(check_steps(file, path, scene, count, column));
-    for (int i = 0; i < scene->nlive_input; ++i) {
-        PM_TRY(read_input(file, scene, &scene->live_input[i], count, column, *value));
+    for (int i = 0; i < scene->network.nlive_input; ++i) {
+        PM_TRY(read_input(file, scene, &scene->network.live_input[i], count, column, *value));
     }
     *steps = (certain < (uint64_t)count ? (int64_t)certain : count) - 1;
     return PM_OK;
@@ -56,7 +56,7 @@ static pm_status read_all(const pm_hdf5 *file, const char *path, const pm_scene 
 pm_status pm_live_replay_load(const char *path, const pm_scene *scene, pm_arena *arena,
                               double **value, int64_t *steps) {
     pm_hdf5 *file = NULL;
-    if (scene->nlive == 0) {
+    if (scene->network.nlive == 0) {
         return pm_fail(PM_ECONFIG, "scene %s has no live inputs to be replayed", scene->name);
     }
     PM_TRY(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));

@@ -1,205 +1,791 @@
-// Reads the `model:` block into the plain data of model/spec.h: constants, form and rate here, the
-// other parts by the functions of model_block.h.
+// Reads the `model:` block into the plain data of model/spec.h, and writes it. What is read lies in
+// the arena, so that it outlives the document; a reader fails with PM_ECONFIG, naming the place in
+// the file, or with PM_ENOMEM.
 #include "scene/model_reader.h"
 
 #include <float.h>
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "model/port.h"
+#include "model/potential.h"
 #include "model/solid/material.h"
-#include "scene/model_block.h"
-#include "scene/network_reader.h"
+
+#define MAX_LAYERS 16
+#define MAX_WIDTH 4096 // of a hidden layer
+#define MAX_RANK 64
+#define MAX_SIZE 1000000 // components of a derived variable
+#define COLDEST 1e-300   // K, at which the training of a thermal energy may start
+#define HOTTEST 1e300    // K
 
 static const char *const form_names[] = {
     [PM_HARD] = "hard", [PM_SOFT] = "soft", [PM_FREE] = "free", NULL};
-#define MODEL_KEYS "form", "energy", "entropy", "reversible", "irreversible", "rate", "constants"
+static const char *const activation_names[] = {
+    [PM_TANH] = "tanh", [PM_SOFTPLUS] = "softplus", [PM_SILU] = "silu", NULL};
+static const char *const skip_names[] = {[PM_SKIP_NONE] = "none",
+                                         [PM_SKIP_LINEAR] = "linear",
+                                         [PM_SKIP_QUADRATIC] = "quadratic",
+                                         [PM_SKIP_QUARTIC] = "quartic",
+                                         NULL};
+static const char *const ends_names[] = {
+    [PM_BOTH_ENDS] = "both", [PM_END_A_ALONE] = "a", [PM_END_B_ALONE] = "b", NULL};
 
-// Reads the network of the free form. No other form has one.
-static pm_status read_rate(pm_yaml block, const pm_model_context *r, pm_form form,
-                           pm_network_spec *rate) {
-    static const char *const network_keys[] = {PM_NETWORK_KEYS, NULL};
-    pm_yaml value = pm_yaml_get(block, "rate");
-    *rate = (pm_network_spec){0};
-    if (form != PM_FREE) {
-        return pm_yaml_exists(value) ? pm_yaml_fail(value, "only form: free has a rate") : PM_OK;
-    }
-    PM_TRY(pm_yaml_require(block, "rate", &value));
-    PM_TRY(pm_yaml_allow(value, network_keys));
-    return pm_network_read(value, r->arena, rate);
+// The data that all readers of a block share.
+typedef struct context {
+    pm_arena *arena;
+    const pm_constants *constants; // that formulas may name
+} context;
+
+static pm_status check_memory(const pm_arena *arena) {
+    return pm_arena_status(arena, "a model");
 }
 
+// Returns true if a value is absent or the word "none".
+static bool is_none(pm_yaml value) {
+    return !pm_yaml_exists(value) || pm_yaml_is_text(value, "none");
+}
+
+// Reads the text of a formula. Its names are checked later (pm_formula_check).
+static pm_status read_formula(pm_yaml text, const context *r, pm_formula *formula) {
+    formula->constants = r->constants;
+    formula->at = pm_yaml_where(text, r->arena);
+    return pm_yaml_text(text, r->arena, &formula->text);
+}
+
+// Returns value i of a list, or the value itself if it is no list.
+static pm_yaml item_of(pm_yaml list, int i) {
+    return pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
+}
+
+// --- networks ---
+
+// The values of the keys of a network, which stand among other keys of a block.
+typedef struct network_values {
+    pm_yaml features, hidden;
+    int activation, skip;
+} network_values;
+
+#define NETWORK_KEYS(v)                                                                 \
+    {PM_YAML_VALUE("features", &(v).features)}, {PM_YAML_VALUE("hidden", &(v).hidden)}, \
+        {PM_YAML_CHOICE("activation", &(v).activation, activation_names)}, {            \
+        PM_YAML_CHOICE("skip", &(v).skip, skip_names)                                   \
+    }
+
+// Makes a network of the values, which belong to `block`.
+static pm_status make_network(const network_values *v, pm_yaml block, pm_arena *arena,
+                              pm_network_spec *network) {
+    const char **feature = NULL;
+    int *width = NULL;
+    const bool any = pm_yaml_exists(v->features);
+    *network = (pm_network_spec){.activation = (pm_activation)v->activation,
+                                 .skip = (pm_skip)v->skip,
+                                 .at = pm_yaml_where(any ? v->features : block, arena)};
+    PM_TRY(any ? pm_yaml_texts(v->features, arena, &network->nfeature, &feature) : PM_OK);
+    network->feature = feature;
+    if (pm_yaml_exists(v->hidden)) {
+        PM_TRY(pm_yaml_ints(v->hidden, 1, MAX_WIDTH, arena, &network->nhidden, &width));
+        if (network->nhidden > MAX_LAYERS) {
+            return pm_yaml_fail(v->hidden, "%d layers, at most %d are possible", network->nhidden,
+                                MAX_LAYERS);
+        }
+    }
+    network->hidden = width;
+    return PM_OK;
+}
+
+// Reads a block that has the keys of a network alone.
+static pm_status read_network(pm_yaml block, pm_arena *arena, pm_network_spec *network) {
+    network_values v = {.activation = 0};
+    const pm_yaml_key keys[] = {NETWORK_KEYS(v), {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
+    return make_network(&v, block, arena, network);
+}
+
+// --- potentials ---
+
+// Reads one network of a potential. With `zero_at_origin` the output and its slope vanish where all
+// features are zero. The entropies of a thermal energy become the last features.
+static pm_status read_term(pm_yaml item, pm_arena *arena, pm_network_spec *term) {
+    network_values v = {.activation = 0};
+    pm_network_spec own = {.nfeature = 0};
+    const char *const *entropy = NULL;
+    pm_yaml zero, thermal;
+    const pm_yaml_key keys[] = {
+        NETWORK_KEYS(v),
+        {PM_YAML_VALUE("zero_at_origin", &zero)},
+        {PM_YAML_VALUE("thermal", &thermal)},
+        // Without `thermal` the physical defaults of training may still make the energy thermal.
+        {PM_YAML_INT("exponentials", &own.exponentials, 1, PM_MAX_EXPONENTIALS)},
+        {PM_YAML_DOUBLE("temperature", &own.temperature, COLDEST, HOTTEST)},
+        {PM_YAML_BOOL("scaled", &own.scaled)},
+        {PM_YAML_BOOL("separate", &own.separate)},
+        {0}};
+    PM_TRY(pm_yaml_read(item, arena, keys));
+    PM_TRY(make_network(&v, item, arena, term));
+    term->exponentials = own.exponentials;
+    term->temperature = own.temperature;
+    term->scaled = own.scaled;
+    term->separate = own.separate;
+    if (pm_yaml_exists(thermal)) {
+        const char **names = NULL;
+        PM_TRY(pm_yaml_texts(thermal, arena, &term->nthermal, &names));
+        entropy = names;
+        if (term->nthermal < 1 || term->nthermal + term->nfeature > PM_MAX_FEATURES) {
+            return pm_yaml_fail(thermal, "expected 1 to %d entropies",
+                                PM_MAX_FEATURES - term->nfeature);
+        }
+        term->exponentials = own.exponentials > 0 ? own.exponentials : PM_DEFAULT_EXPONENTIALS;
+        term->temperature = own.temperature > 0 ? own.temperature : PM_DEFAULT_TEMPERATURE;
+        term->scaled = true;
+        const int before = term->nfeature, count = before + term->nthermal;
+        const char **all = pm_arena_array(arena, (size_t)count, sizeof *all);
+        PM_TRY(check_memory(arena));
+        for (int i = 0; i < count; ++i) {
+            all[i] = i < before ? term->feature[i] : entropy[i - before];
+        }
+        term->feature = all;
+        term->nfeature = count;
+    }
+    PM_TRY(pm_yaml_exists(zero) ? pm_yaml_bool(zero, &term->zero_at_origin) : PM_OK);
+    const bool able = term->nfeature > 0 && term->nthermal == 0 && term->skip != PM_SKIP_NONE;
+    return able || !term->zero_at_origin
+               ? PM_OK
+               : pm_yaml_fail(zero,
+                              "only a network of features with a skip can be zero at the origin");
+}
+
+// Adds a linear form to a potential: a group, a list of groups, or a mapping to coefficients.
+static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *potential) {
+    const int before = potential->ngiven;
+    const bool map = pm_yaml_is_map(given);
+    const int total = before + (map || pm_yaml_is_list(given) ? pm_yaml_count(given) : 1);
+    const char **group = pm_arena_array(arena, (size_t)total, sizeof *group);
+    double *coefficient = pm_arena_array(arena, (size_t)total, sizeof *coefficient);
+    PM_TRY(check_memory(arena));
+    for (int i = 0; i < total; ++i) {
+        pm_yaml key, value;
+        coefficient[i] = i < before ? potential->given_coefficient[i] : 1;
+        if (i < before) {
+            group[i] = potential->given[i];
+        } else if (map) {
+            pm_yaml_entry(given, i - before, &key, &value);
+            PM_TRY(pm_yaml_text(key, arena, &group[i]));
+            PM_TRY(pm_yaml_double(value, -INFINITY, INFINITY, &coefficient[i]));
+        } else {
+            PM_TRY(pm_yaml_text(item_of(given, i - before), arena, &group[i]));
+        }
+    }
+    potential->given = group;
+    potential->given_coefficient = coefficient;
+    potential->ngiven = total;
+    return PM_OK;
+}
+
+// Reads `energy:` or `entropy:`: one summand or a list of them, each of them a formula, a linear
+// form {given: ...} or a network. A value that is absent or "none" gives no summand.
+static pm_status read_potential(pm_yaml value, const context *r, pm_potential_spec *potential) {
+    *potential = (pm_potential_spec){0};
+    if (is_none(value)) {
+        return PM_OK;
+    }
+    const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
+    pm_network_spec *term = pm_arena_array(r->arena, (size_t)count, sizeof *term);
+    pm_formula *formula = pm_arena_array(r->arena, (size_t)count, sizeof *formula);
+    potential->at = pm_yaml_where(value, r->arena);
+    potential->term = term;
+    potential->formula = formula;
+    PM_TRY(check_memory(r->arena));
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml item = item_of(value, i);
+        pm_yaml given = pm_yaml_get(item, "given");
+        if (!pm_yaml_is_map(item)) {
+            PM_TRY(read_formula(item, r, &formula[potential->nformula++]));
+        } else if (!pm_yaml_exists(given)) {
+            PM_TRY(read_term(item, r->arena, &term[potential->nterm++]));
+        } else {
+            const pm_yaml_key keys[] = {{PM_YAML_VALUE("given", &given)}, {0}};
+            PM_TRY(pm_yaml_read(item, r->arena, keys));
+            PM_TRY(read_given(given, r->arena, potential));
+        }
+    }
+    return PM_OK;
+}
+
+// --- operators ---
+
+static pm_status read_pairs(pm_yaml list, const context *r, pm_operator_spec *op) {
+    if (!pm_yaml_is_list(list)) {
+        return pm_yaml_fail(list, "expected a list of pairs such as [[q, p, 1.0]]");
+    }
+    const int count = pm_yaml_count(list);
+    pm_given_pair *pair = pm_arena_array(r->arena, (size_t)count, sizeof *pair);
+    PM_TRY(check_memory(r->arena));
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml item = pm_yaml_item(list, i);
+        if (!pm_yaml_is_list(item) || pm_yaml_count(item) != 3) {
+            return pm_yaml_fail(item, "expected a pair such as [q, p, 1.0]: row, column, "
+                                      "coefficient");
+        }
+        const pm_yaml coefficient = pm_yaml_item(item, 2);
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), r->arena, &pair[i].row));
+        PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), r->arena, &pair[i].col));
+        pair[i].cross = pm_yaml_is_text(coefficient, "cross");
+        if (!pair[i].cross &&
+            pm_yaml_double(coefficient, -INFINITY, INFINITY, &pair[i].coefficient) != PM_OK) {
+            PM_TRY(read_formula(coefficient, r, &pair[i].formula));
+        }
+    }
+    op->given = pair;
+    op->ngiven = count;
+    return PM_OK;
+}
+
+static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
+                              pm_operator_spec *op) {
+    network_values v = {.activation = 0};
+    pm_yaml acts, strength = {0};
+    op->learned = true;
+    op->rank = reversible ? 0 : 1;
+    const pm_yaml_key reversible_keys[] = {{PM_YAML_VALUE("acts_on", &acts), .required = true},
+                                           {PM_YAML_TEXTS("against", &op->nagainst, &op->against)},
+                                           {PM_YAML_TEXTS("along", &op->nalong, &op->along)},
+                                           NETWORK_KEYS(v),
+                                           {0}};
+    const pm_yaml_key irreversible_keys[] = {{PM_YAML_VALUE("acts_on", &acts), .required = true},
+                                             {PM_YAML_TEXTS("along", &op->nalong, &op->along)},
+                                             {PM_YAML_INT("rank", &op->rank, 1, MAX_RANK)},
+                                             {PM_YAML_TEXTS("heats", &op->nheats, &op->heats)},
+                                             {PM_YAML_VALUE("strength", &strength)},
+                                             NETWORK_KEYS(v),
+                                             {0}};
+    PM_TRY(pm_yaml_read(block, arena, reversible ? reversible_keys : irreversible_keys));
+    const char **names = NULL;
+    PM_TRY(pm_yaml_texts(acts, arena, &op->nacts, &names));
+    op->acts_on = names;
+    if (op->nacts == 0) {
+        return pm_yaml_fail(acts, "expected at least one group");
+    }
+    if (pm_yaml_exists(strength)) {
+        pm_network_spec *network = pm_arena_alloc(arena, sizeof *network);
+        PM_TRY(check_memory(arena));
+        PM_TRY(read_network(strength, arena, network));
+        if (network->nfeature == 0) {
+            return pm_yaml_fail(strength, "a strength needs features");
+        }
+        op->strength = network;
+    }
+    return make_network(&v, block, arena, &op->network);
+}
+
+// Reads `reversible:` or `irreversible:`: given pairs, a learned operator, or both. A block that is
+// absent or "none" gives no operator.
+static pm_status read_operator(pm_yaml block, const context *r, bool reversible,
+                               pm_operator_spec *op) {
+    *op = (pm_operator_spec){0};
+    if (is_none(block)) {
+        return PM_OK;
+    }
+    pm_yaml given, learned, heats;
+    const char **names = NULL;
+    const pm_yaml_key keys[] = {{PM_YAML_VALUE("given", &given)},
+                                {PM_YAML_VALUE("learned", &learned)},
+                                {PM_YAML_VALUE("heats", &heats)},
+                                {0}};
+    op->at = pm_yaml_where(block, r->arena);
+    PM_TRY(pm_yaml_read(block, r->arena, keys));
+    PM_TRY(pm_yaml_exists(given) ? read_pairs(given, r, op) : PM_OK);
+    if (pm_yaml_exists(heats)) {
+        if (reversible) {
+            return pm_yaml_fail(heats, "only an irreversible operator heats");
+        }
+        PM_TRY(pm_yaml_texts(heats, r->arena, &op->nheats, &names));
+        op->heats = names;
+    }
+    return is_none(learned) ? PM_OK : read_learned(learned, r->arena, reversible, op);
+}
+
+// --- matrices and derived variables ---
+
+// Reads a matrix, row by row. If the list is absent, the matrix has no numbers. Its size is checked
+// later against the groups that it couples.
+static pm_status read_matrix(pm_yaml list, pm_arena *arena, pm_matrix_spec *matrix) {
+    *matrix = (pm_matrix_spec){0};
+    if (!pm_yaml_exists(list)) {
+        return PM_OK;
+    }
+    matrix->at = pm_yaml_where(list, arena);
+    const int rows = pm_yaml_is_list(list) ? pm_yaml_count(list) : 0;
+    const int cols = rows > 0 ? pm_yaml_count(pm_yaml_item(list, 0)) : 0;
+    if (cols == 0) {
+        return pm_yaml_fail(list, "expected a list of rows such as [[1.0, 0.0], [0.0, 1.0]]");
+    }
+    for (int i = 0; i < rows; ++i) { // before memory is taken
+        const pm_yaml row = pm_yaml_item(list, i);
+        if (!pm_yaml_is_list(row) || pm_yaml_count(row) != cols) {
+            return pm_yaml_fail(row, "expected a row of %d numbers like the first, found %d", cols,
+                                pm_yaml_count(row));
+        }
+    }
+    double *value = pm_arena_array(arena, (size_t)rows * (size_t)cols, sizeof *value);
+    PM_TRY(check_memory(arena));
+    for (int i = 0; i < rows * cols; ++i) {
+        PM_TRY(pm_yaml_double(pm_yaml_item(pm_yaml_item(list, i / cols), i % cols), -INFINITY,
+                              INFINITY, &value[i]));
+    }
+    matrix->rows = rows;
+    matrix->cols = cols;
+    matrix->value = value;
+    return PM_OK;
+}
+
+// Reads one derived variable. The block holds its matrix, or only its size if the weights file
+// holds the matrix.
+static pm_status read_derived(pm_yaml block, pm_arena *arena, pm_derived_spec *derived) {
+    pm_yaml of, size, matrix, offset;
+    const char **names = NULL;
+    const pm_yaml_key keys[] = {{PM_YAML_VALUE("of", &of), .required = true},
+                                {PM_YAML_VALUE("size", &size)},
+                                {PM_YAML_VALUE("matrix", &matrix)},
+                                {PM_YAML_VALUE("offset", &offset)},
+                                {0}};
+    derived->at = pm_yaml_where(block, arena);
+    PM_TRY(pm_yaml_read(block, arena, keys));
+    PM_TRY(pm_yaml_texts(of, arena, &derived->ngroup, &names));
+    derived->group = names;
+    if (derived->ngroup < 1 || derived->ngroup > PM_MAX_GROUPS) {
+        return pm_yaml_fail(of, "expected 1 to %d groups", PM_MAX_GROUPS);
+    }
+    PM_TRY(read_matrix(matrix, arena, &derived->matrix));
+    derived->size = derived->matrix.rows;
+    if (pm_yaml_exists(size) || !pm_yaml_exists(matrix)) {
+        PM_TRY(pm_yaml_require(block, "size", &size));
+        PM_TRY(pm_yaml_int(size, 1, MAX_SIZE, &derived->size));
+    }
+    if (pm_yaml_exists(offset)) {
+        int count;
+        double *value;
+        PM_TRY(pm_yaml_doubles(offset, arena, &count, &value));
+        if (!pm_yaml_exists(matrix)) {
+            return pm_yaml_fail(offset, "expected a matrix beside it");
+        }
+        if (count != derived->size) {
+            return pm_yaml_fail(offset, "expected %d numbers, found %d", derived->size, count);
+        }
+        derived->offset = value;
+    }
+    return PM_OK;
+}
+
+// --- constants ---
+
 // Reads a constant: a number, or {learned: start, positive: true, shared: true}.
-static pm_status read_constant(pm_yaml value, double *number, pm_constant_kind *kind,
-                               bool *shared) {
-    static const char *const keys[] = {"learned", "positive", "shared", NULL};
+static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
+                               pm_constant_kind *kind, bool *shared) {
     *kind = PM_CONSTANT_KNOWN;
     if (!pm_yaml_is_map(value)) {
         return pm_yaml_double(value, -INFINITY, INFINITY, number);
     }
-    pm_yaml start;
-    const pm_yaml positive = pm_yaml_get(value, "positive");
-    const pm_yaml once = pm_yaml_get(value, "shared");
-    bool stays = false;
-    PM_TRY(pm_yaml_allow(value, keys));
-    PM_TRY(pm_yaml_require(value, "learned", &start));
+    bool positive = false;
+    pm_yaml start, once;
+    const pm_yaml_key keys[] = {{PM_YAML_VALUE("learned", &start), .required = true},
+                                {PM_YAML_BOOL("positive", &positive)},
+                                {PM_YAML_VALUE("shared", &once)},
+                                {0}};
+    PM_TRY(pm_yaml_read(value, arena, keys));
     PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
-    PM_TRY(pm_yaml_exists(positive) ? pm_yaml_bool(positive, &stays) : PM_OK);
     PM_TRY(pm_yaml_exists(once) ? pm_yaml_bool(once, shared) : PM_OK);
-    *kind = stays ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
-    if (*shared && !stays) {
+    *kind = positive ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
+    if (*shared && !positive) {
         return pm_yaml_fail(once, "only a positive constant is shared");
     }
-    return stays && !(*number > 0)
+    return positive && !(*number > 0)
                ? pm_yaml_fail(start, "a positive constant starts from a number > 0")
                : PM_OK;
 }
 
-// Adds the constants of a mapping, which may be absent. A constant that is already in the list
-// keeps its value.
-static pm_status add_constants(pm_yaml map, pm_arena *arena, pm_constants *constants,
-                               const char **name, double *value, pm_constant_kind *learned,
-                               bool *shared) {
-    if (pm_yaml_exists(map)) {
-        PM_TRY(pm_yaml_require_entries(map));
-    }
-    const int before = constants->count;
-    for (int i = 0; i < pm_yaml_count(map); ++i) {
-        pm_yaml key, number;
-        const int last = constants->count;
-        pm_yaml_entry(map, i, &key, &number);
-        PM_TRY(pm_yaml_text(key, arena, &name[last]));
-        PM_TRY(read_constant(number, &value[last], &learned[last], &shared[last]));
-        bool there = false;
-        for (int k = 0; k < before; ++k) {
-            there = there || strcmp(name[k], name[last]) == 0;
-        }
-        constants->count += !there;
-    }
-    return PM_OK;
-}
+// --- blocks ---
 
-static pm_status read_constants(pm_yaml first, pm_yaml second, pm_arena *arena,
-                                const pm_constants **result) {
-    const size_t most = (size_t)pm_yaml_count(first) + (size_t)pm_yaml_count(second);
-    pm_constants *constants = pm_arena_array(arena, 1, sizeof *constants);
+// The values of the keys that the blocks of parts and of ports share.
+typedef struct model_values {
+    int form;
+    pm_yaml energy, entropy, reversible, irreversible, rate, constants;
+} model_values;
+
+#define MODEL_KEYS(v)                                                                             \
+    {PM_YAML_CHOICE("form", &(v).form, form_names)}, {PM_YAML_VALUE("energy", &(v).energy)},      \
+        {PM_YAML_VALUE("entropy", &(v).entropy)}, {PM_YAML_VALUE("reversible", &(v).reversible)}, \
+        {PM_YAML_VALUE("irreversible", &(v).irreversible)}, {PM_YAML_VALUE("rate", &(v).rate)}, { \
+        PM_YAML_VALUE("constants", &(v).constants)                                                \
+    }
+
+// Reads what these values hold. The constants `own` replace constants of the same name in the
+// block.
+static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, pm_arena *arena,
+                            const pm_constants **constants, pm_potential_spec *energy,
+                            pm_potential_spec *entropy, pm_operator_spec *reversible,
+                            pm_operator_spec *irreversible, pm_network_spec *rate) {
+    const pm_yaml map[2] = {own, v->constants}; // the first takes precedence
+    const size_t most = (size_t)pm_yaml_count(own) + (size_t)pm_yaml_count(v->constants);
+    pm_constants *list = pm_arena_array(arena, 1, sizeof *list);
     const char **name = pm_arena_array(arena, most, sizeof *name);
     double *value = pm_arena_array(arena, most, sizeof *value);
     pm_constant_kind *learned = pm_arena_array(arena, most, sizeof *learned);
     bool *shared = pm_arena_array(arena, most, sizeof *shared);
-    if (constants == NULL || name == NULL || value == NULL || learned == NULL || shared == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
+    PM_TRY(check_memory(arena));
+    int count = 0;
+    for (int m = 0; m < 2; ++m) {
+        PM_TRY(pm_yaml_exists(map[m]) ? pm_yaml_require_entries(map[m]) : PM_OK);
+        const int before = count;
+        for (int i = 0; i < pm_yaml_count(map[m]); ++i) {
+            pm_yaml key, number;
+            pm_yaml_entry(map[m], i, &key, &number);
+            PM_TRY(pm_yaml_text(key, arena, &name[count]));
+            PM_TRY(read_constant(number, arena, &value[count], &learned[count], &shared[count]));
+            bool there = false;
+            for (int k = 0; k < before; ++k) {
+                there = there || strcmp(name[k], name[count]) == 0;
+            }
+            count += !there;
+        }
     }
-    *constants = (pm_constants){0, name, value, learned, shared};
-    PM_TRY(add_constants(first, arena, constants, name, value, learned, shared));
-    PM_TRY(add_constants(second, arena, constants, name, value, learned, shared));
-    *result = constants;
-    return PM_OK;
-}
-
-// Reads the keys that the blocks of parts and of ports share. The constants `own` replace constants
-// of the same name in the block.
-static pm_status read_model(pm_yaml block, pm_yaml own, pm_arena *arena,
-                            const pm_constants **constants, pm_form *form,
-                            pm_potential_spec *energy, pm_potential_spec *entropy,
-                            pm_operator_spec *reversible, pm_operator_spec *irreversible,
-                            pm_network_spec *rate) {
-    int choice;
-    PM_TRY(read_constants(own, pm_yaml_get(block, "constants"), arena, constants));
-    PM_TRY(pm_model_read_choice(block, "form", form_names, &choice));
-    *form = (pm_form)choice;
-    const pm_model_context r = {arena, *constants};
-    PM_TRY(read_rate(block, &r, *form, rate));
-    PM_TRY(pm_model_read_potential(pm_yaml_get(block, "energy"), &r, energy));
-    PM_TRY(pm_model_read_potential(pm_yaml_get(block, "entropy"), &r, entropy));
-    PM_TRY(pm_model_read_operator(pm_yaml_get(block, "reversible"), &r, true, reversible));
-    return pm_model_read_operator(pm_yaml_get(block, "irreversible"), &r, false, irreversible);
-}
-
-// Reads the matrix of the law contact. No other law has one.
-static pm_status read_law_matrix(pm_yaml value, const char *law, pm_arena *arena,
-                                 pm_matrix_spec *matrix) {
-    if (pm_yaml_exists(value) && strcmp(law, "contact") != 0) {
-        return pm_yaml_fail(value, "only law: contact has a matrix");
+    *list = (pm_constants){count, name, value, learned, shared};
+    *constants = list;
+    const context r = {arena, *constants};
+    if (v->form == PM_FREE) {
+        pm_yaml network;
+        PM_TRY(pm_yaml_require(block, "rate", &network));
+        PM_TRY(read_network(network, arena, rate));
+    } else if (pm_yaml_exists(v->rate)) {
+        return pm_yaml_fail(v->rate, "only form: free has a rate");
     }
-    if (pm_yaml_is_text(value, "identity")) {
-        *matrix = (pm_matrix_spec){.identity = true};
-        return pm_model_read_at(value, arena, &matrix->at);
-    }
-    return pm_model_read_matrix(value, arena, matrix);
-}
-
-// Reads a solid. *solid becomes NULL if the block does not exist.
-static pm_status read_solid(pm_yaml block, pm_arena *arena, const pm_solid_spec **solid) {
-    static const char *const keys[] = {"branches", "units", "temperature", NULL};
-    *solid = NULL;
-    if (!pm_yaml_exists(block)) {
-        return PM_OK;
-    }
-    const pm_yaml branches = pm_yaml_get(block, "branches"), units = pm_yaml_get(block, "units"),
-                  temperature = pm_yaml_get(block, "temperature");
-    pm_solid_spec *read = pm_arena_alloc(arena, sizeof *read);
-    if (read == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory while reading a model");
-    }
-    *read = (pm_solid_spec){.nbranch = 2, .temperature = PM_DEFAULT_TEMPERATURE};
-    PM_TRY(pm_yaml_allow(block, keys));
-    if (pm_yaml_exists(branches)) {
-        PM_TRY(pm_yaml_int(branches, 0, PM_SOLID_MAX_BRANCHES, &read->nbranch));
-    }
-    if (pm_yaml_exists(units)) {
-        PM_TRY(pm_yaml_int(units, 0, PM_SOLID_MAX_UNITS, &read->nunit));
-    }
-    if (pm_yaml_exists(temperature)) {
-        PM_TRY(pm_yaml_double(temperature, DBL_MIN, DBL_MAX, &read->temperature));
-    }
-    *solid = read;
-    return PM_OK;
+    PM_TRY(read_potential(v->energy, &r, energy));
+    PM_TRY(read_potential(v->entropy, &r, entropy));
+    PM_TRY(read_operator(v->reversible, &r, true, reversible));
+    return read_operator(v->irreversible, &r, false, irreversible);
 }
 
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
-    static const char *const keys[] = {MODEL_KEYS, "derived", "solid", NULL};
-    pm_part_spec read;
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_model_read_at(block, arena, &read.at));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
-                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
-    PM_TRY(pm_model_read_derived(pm_yaml_get(block, "derived"), arena, &read));
-    PM_TRY(read_solid(pm_yaml_get(block, "solid"), arena, &read.solid));
-    *spec = read;
-    return PM_OK;
-}
-
-// Reads which ends have a boundary term. No other law lets one choose.
-static pm_status read_ends(pm_yaml block, const char *law, pm_term_ends *ends) {
-    static const char *const names[] = {
-        [PM_BOTH_ENDS] = "both", [PM_END_A_ALONE] = "a", [PM_END_B_ALONE] = "b", NULL};
-    const pm_yaml value = pm_yaml_get(block, "ends");
-    int choice;
-    if (pm_yaml_exists(value) && strcmp(law, "exchange") != 0) {
-        return pm_yaml_fail(value, "only law: exchange has boundary terms at chosen ends");
+    model_values v = {.form = PM_HARD};
+    pm_yaml derived, solid;
+    const pm_yaml_key keys[] = {
+        MODEL_KEYS(v), {PM_YAML_VALUE("derived", &derived)}, {PM_YAML_VALUE("solid", &solid)}, {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
+    pm_part_spec read = {.at = pm_yaml_where(block, arena), .form = (pm_form)v.form};
+    PM_TRY(read_model(&v, block, constants, arena, &read.constants, &read.energy, &read.entropy,
+                      &read.reversible, &read.irreversible, &read.rate));
+    PM_TRY(pm_yaml_exists(derived) ? pm_yaml_require_entries(derived) : PM_OK);
+    const int count = pm_yaml_count(derived);
+    if (count > PM_MAX_DERIVED) {
+        return pm_yaml_fail(derived, "%d derived variables, at most %d are possible", count,
+                            PM_MAX_DERIVED);
     }
-    PM_TRY(pm_model_read_choice(block, "ends", names, &choice));
-    *ends = (pm_term_ends)choice;
+    pm_derived_spec *variable = pm_arena_array(arena, (size_t)count, sizeof *variable);
+    PM_TRY(check_memory(arena));
+    for (int i = 0; i < count; ++i) {
+        pm_yaml key, value;
+        pm_yaml_entry(derived, i, &key, &value);
+        PM_TRY(pm_yaml_text(key, arena, &variable[i].name));
+        PM_TRY(read_derived(value, arena, &variable[i]));
+    }
+    read.nderived = count;
+    read.derived = variable;
+    if (pm_yaml_exists(solid)) {
+        pm_solid_spec *s = pm_arena_alloc(arena, sizeof *s);
+        PM_TRY(check_memory(arena));
+        *s = (pm_solid_spec){.nbranch = 2, .temperature = PM_DEFAULT_TEMPERATURE};
+        read.solid = s;
+        const pm_yaml_key solid_keys[] = {
+            {PM_YAML_INT("branches", &s->nbranch, 0, PM_SOLID_MAX_BRANCHES)},
+            {PM_YAML_INT("units", &s->nunit, 0, PM_SOLID_MAX_UNITS)},
+            {PM_YAML_DOUBLE("temperature", &s->temperature, DBL_MIN, DBL_MAX)},
+            {0}};
+        PM_TRY(pm_yaml_read(solid, arena, solid_keys));
+    }
+    PM_TRY(check_memory(arena));
+    *spec = read;
     return PM_OK;
 }
 
 pm_status pm_port_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_port_spec *spec) {
-    static const char *const keys[] = {"law", MODEL_KEYS, "matrix", "ends", NULL};
-    pm_port_spec read;
-    pm_yaml law;
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_model_read_at(block, arena, &read.at));
-    PM_TRY(pm_yaml_require(block, "law", &law));
+    model_values v = {.form = PM_HARD};
+    pm_port_spec read = {.law = NULL};
+    pm_yaml law, matrix, ends;
+    int choice = PM_BOTH_ENDS;
+    const pm_yaml_key keys[] = {{PM_YAML_VALUE("law", &law), .required = true},
+                                MODEL_KEYS(v),
+                                {PM_YAML_VALUE("matrix", &matrix)},
+                                {PM_YAML_VALUE("ends", &ends)},
+                                {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
+    read.at = pm_yaml_where(block, arena);
+    read.form = (pm_form)v.form;
     PM_TRY(pm_yaml_text(law, arena, &read.law));
-    if (pm_port_law_find(read.law) == NULL) {
+    const pm_port_law *kind = pm_port_law_find(read.law);
+    if (kind == NULL) {
         return pm_yaml_fail(law, "expected one of %s, found \"%.64s\"", pm_port_law_names(),
                             read.law);
     }
-    PM_TRY(read_law_matrix(pm_yaml_get(block, "matrix"), read.law, arena, &read.matrix));
-    PM_TRY(read_ends(block, read.law, &read.ends));
-    PM_TRY(read_model(block, constants, arena, &read.constants, &read.form, &read.energy,
-                      &read.entropy, &read.reversible, &read.irreversible, &read.rate));
+    if (pm_yaml_exists(matrix) && !kind->has_matrix) {
+        return pm_yaml_fail(matrix, "only law: contact has a matrix");
+    }
+    if (pm_yaml_is_text(matrix, "identity")) {
+        read.matrix = (pm_matrix_spec){.identity = true, .at = pm_yaml_where(matrix, arena)};
+    } else {
+        PM_TRY(read_matrix(matrix, arena, &read.matrix));
+    }
+    if (pm_yaml_exists(ends)) {
+        if (!kind->has_ends) {
+            return pm_yaml_fail(ends, "only law: exchange has boundary terms at chosen ends");
+        }
+        PM_TRY(pm_yaml_choice(ends, ends_names, &choice));
+    }
+    read.ends = (pm_term_ends)choice;
+    PM_TRY(read_model(&v, block, constants, arena, &read.constants, &read.energy, &read.entropy,
+                      &read.reversible, &read.irreversible, &read.rate));
+    PM_TRY(check_memory(arena));
     *spec = read;
     return PM_OK;
+}
+
+// --- writing ---
+//
+// The text is part of the digest of weights, so that any change to it changes all digests.
+
+// Writes a text between quotes.
+static void write_quoted(FILE *file, const char *text) {
+    fputc('"', file);
+    for (const char *c = text; *c != '\0'; ++c) {
+        if (*c == '"' || *c == '\\') {
+            fputc('\\', file);
+        }
+        fputc(*c, file);
+    }
+    fputc('"', file);
+}
+
+// Writes `before`, and then a text: as it is if it consists of letters, digits, '_' and '.', and
+// between quotes otherwise.
+static void write_text(FILE *file, const char *before, const char *text) {
+    static const char plain[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.";
+    fputs(before, file);
+    if (text[0] != '\0' && text[strspn(text, plain)] == '\0') {
+        fputs(text, file);
+    } else {
+        write_quoted(file, text);
+    }
+}
+
+// Writes `before`, and then "<key>: [<names>]".
+static void write_names(FILE *file, const char *before, const char *key, int count,
+                        const char *const *names) {
+    fprintf(file, "%s%s: [", before, key);
+    for (int i = 0; i < count; ++i) {
+        write_text(file, i == 0 ? "" : ", ", names[i]);
+    }
+    fputc(']', file);
+}
+
+// Writes `before`, and then a number with 15 significant digits if they give the same number, else
+// with 17.
+static void write_number(FILE *file, const char *before, double number) {
+    char text[32];
+    snprintf(text, sizeof text, "%.15g", number);
+    fprintf(file, "%s%.*g", before, strtod(text, NULL) == number ? 15 : 17, number);
+}
+
+// Writes the keys of a network and their values, without the braces around them.
+static void write_network(FILE *file, const pm_network_spec *network, int nfeature) {
+    write_names(file, "", "features", nfeature, network->feature);
+    fputs(", hidden: [", file);
+    for (int i = 0; i < network->nhidden; ++i) {
+        fprintf(file, "%s%d", i == 0 ? "" : ", ", network->hidden[i]);
+    }
+    fprintf(file, "], activation: %s, skip: %s%s", activation_names[network->activation],
+            skip_names[network->skip], network->zero_at_origin ? ", zero_at_origin: true" : "");
+}
+
+static void write_potential(FILE *file, const char *key, const pm_potential_spec *potential) {
+    if (!pm_potential_exists(potential)) {
+        return;
+    }
+    fprintf(file, "%s:\n", key);
+    for (int i = 0; i < potential->nformula; ++i) {
+        fputs("  - ", file);
+        write_quoted(file, potential->formula[i].text);
+        fputc('\n', file);
+    }
+    // Each group gets a mapping of its own, since a group may occur twice.
+    for (int i = 0; i < potential->ngiven; ++i) {
+        const double *coefficient = potential->given_coefficient;
+        write_text(file, "  - {given: {", potential->given[i]);
+        fprintf(file, ": %.17g}}\n", coefficient == NULL ? 1 : coefficient[i]);
+    }
+    for (int i = 0; i < potential->nterm; ++i) {
+        const pm_network_spec *term = &potential->term[i];
+        const int others = term->nfeature - term->nthermal;
+        fputs("  - {", file);
+        write_network(file, term, others);
+        if (term->nthermal > 0) {
+            write_names(file, ", ", "thermal", term->nthermal, term->feature + others);
+            fprintf(file, ", exponentials: %d", term->exponentials);
+            write_number(file, ", temperature: ", term->temperature);
+            fputs(term->separate ? ", separate: true" : "", file);
+        } else if (term->scaled) {
+            fputs(", scaled: true", file);
+        }
+        fputs("}\n", file);
+    }
+}
+
+static void write_operator(FILE *file, const char *key, bool reversible,
+                           const pm_operator_spec *op) {
+    if (op->ngiven > 0 || op->learned) {
+        fprintf(file, "%s:\n", key);
+    }
+    for (int i = 0; i < op->ngiven; ++i) {
+        const pm_given_pair *pair = &op->given[i];
+        write_text(file, i == 0 ? "  given: [[" : ", [", pair->row);
+        write_text(file, ", ", pair->col);
+        fputs(pair->cross ? ", cross" : ", ", file);
+        if (!pair->cross && pair->formula.text != NULL) {
+            write_quoted(file, pair->formula.text);
+        } else if (!pair->cross) {
+            fprintf(file, "%.17g", pair->coefficient);
+        }
+        fputs(i == op->ngiven - 1 ? "]]\n" : "]", file);
+    }
+    if (!op->learned) {
+        if (op->ngiven > 0 && op->nheats > 0) {
+            write_names(file, "  ", "heats", op->nheats, op->heats);
+            fputc('\n', file);
+        }
+        return;
+    }
+    write_names(file, "  learned: {", "acts_on", op->nacts, op->acts_on);
+    if (op->nagainst > 0) {
+        write_names(file, ", ", "against", op->nagainst, op->against);
+    }
+    write_names(file, ", ", "along", op->nalong, op->along);
+    if (!reversible) {
+        fprintf(file, ", rank: %d", op->rank);
+        if (op->nheats > 0) {
+            write_names(file, ", ", "heats", op->nheats, op->heats);
+        }
+    }
+    if (op->strength != NULL) {
+        fputs(", strength: {", file);
+        write_network(file, op->strength, op->strength->nfeature);
+        fputs("}", file);
+    }
+    fputs(", ", file);
+    write_network(file, &op->network, op->network.nfeature);
+    fputs("}\n", file);
+}
+
+static void write_numbers(FILE *file, const char *before, int count, const double *value) {
+    fputs(before, file);
+    for (int i = 0; i < count; ++i) {
+        write_number(file, i == 0 ? "[" : ", ", value[i]);
+    }
+    fputc(']', file);
+}
+
+// Writes "<before>matrix: <matrix><after>" if there is one.
+static void write_matrix(FILE *file, const char *before, const pm_matrix_spec *matrix,
+                         const char *after) {
+    if (!matrix->identity && matrix->value == NULL) {
+        return;
+    }
+    fprintf(file, "%smatrix: %s", before, matrix->identity ? "identity" : "");
+    for (int i = 0; matrix->value != NULL && i < matrix->rows; ++i) {
+        write_numbers(file, i == 0 ? "[" : ", ", matrix->cols,
+                      matrix->value + (ptrdiff_t)i * matrix->cols);
+        fputs(i == matrix->rows - 1 ? "]" : "", file);
+    }
+    fputs(after, file);
+}
+
+// Writes the keys that the blocks of parts and of ports share.
+static void write_model(FILE *file, const pm_constants *constants, pm_form form,
+                        const pm_potential_spec *energy, const pm_potential_spec *entropy,
+                        const pm_operator_spec *reversible, const pm_operator_spec *irreversible,
+                        const pm_network_spec *rate) {
+    for (int i = 0; constants != NULL && i < constants->count; ++i) {
+        const pm_constant_kind kind =
+            constants->learned == NULL ? PM_CONSTANT_KNOWN : constants->learned[i];
+        write_text(file, i == 0 ? "constants: {" : ", ", constants->name[i]);
+        write_number(file, kind == PM_CONSTANT_KNOWN ? ": " : ": {learned: ", constants->value[i]);
+        fputs(kind == PM_CONSTANT_POSITIVE ? ", positive: true" : "", file);
+        fputs(constants->shared != NULL && constants->shared[i] ? ", shared: true" : "", file);
+        fputs(kind == PM_CONSTANT_KNOWN ? "" : "}", file);
+        fputs(i == constants->count - 1 ? "}\n" : "", file);
+    }
+    fprintf(file, "form: %s\n", form_names[form]);
+    if (form == PM_FREE) {
+        fputs("rate: {", file);
+        write_network(file, rate, rate->nfeature);
+        fputs("}\n", file);
+    }
+    write_potential(file, "energy", energy);
+    write_potential(file, "entropy", entropy);
+    write_operator(file, "reversible", true, reversible);
+    write_operator(file, "irreversible", false, irreversible);
+}
+
+// Closes a memory stream and moves its text to the arena. Returns NULL if anything failed.
+static const char *take_text(FILE *file, char **text, pm_arena *arena) {
+    const bool failed = ferror(file) != 0;
+    const bool closed = fclose(file) == 0;
+    const char *copy = closed && !failed ? pm_arena_strdup(arena, *text) : NULL;
+    free(*text);
+    return copy;
+}
+
+const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
+    char *text = NULL;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    if (file == NULL) {
+        return NULL;
+    }
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible, &spec->rate);
+    fputs(spec->nderived > 0 ? "derived:\n" : "", file);
+    for (int i = 0; i < spec->nderived; ++i) {
+        const pm_derived_spec *derived = &spec->derived[i];
+        write_text(file, "  ", derived->name);
+        write_names(file, ": {", "of", derived->ngroup, derived->group);
+        fprintf(file, ", size: %d", derived->size);
+        write_matrix(file, ", ", &derived->matrix, "");
+        if (derived->offset != NULL) {
+            write_numbers(file, ", offset: ", derived->size, derived->offset);
+        }
+        fputs("}\n", file);
+    }
+    if (spec->solid != NULL) {
+        fprintf(file, "solid: {branches: %d, units: %d", spec->solid->nbranch, spec->solid->nunit);
+        write_number(file, ", temperature: ", spec->solid->temperature);
+        fputs("}\n", file);
+    }
+    return take_text(file, &text, arena);
+}
+
+const char *pm_port_spec_write(const pm_port_spec *spec, pm_arena *arena) {
+    char *text = NULL;
+    size_t size;
+    FILE *file = open_memstream(&text, &size);
+    if (file == NULL) {
+        return NULL;
+    }
+    write_text(file, "law: ", spec->law);
+    fputc('\n', file);
+    write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
+                &spec->irreversible, &spec->rate);
+    write_matrix(file, "", &spec->matrix, "\n");
+    if (spec->ends != PM_BOTH_ENDS) {
+        fprintf(file, "ends: %s\n", ends_names[spec->ends]);
+    }
+    return take_text(file, &text, arena);
 }

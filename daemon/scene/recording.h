@@ -1,10 +1,12 @@
-// A sample holds the state and the fluxes of one step of a run. A recording is an HDF5 file of all
-// samples:
+// A recording is an HDF5 file of all samples (sample.h) of a run:
 //   /time [sample] s, /step [sample]
 //   /subsystems/<name>/z [sample][variable], with the attributes variables and units: one entry for
 //     each component, "q[0]"; for more than 1000 components one for each group, "q[0:5000]"
-//   /subsystems/<name>/E J, S J/K, bulk_energy W, bulk_entropy W/K [sample]
-//   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]
+//   /subsystems/<name>/E J, S J/K, bulk_energy W, bulk_entropy W/K [sample]: the series of
+//     PM_SUBSYSTEM_NUMBERS (sample.h)
+//   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]:
+//   those
+//     of PM_END_NUMBERS
 //   /live/<name> [sample]: the value of a live input during the step before, in SI units
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
@@ -21,49 +23,26 @@
 #ifndef PM_SCENE_RECORDING_H
 #define PM_SCENE_RECORDING_H
 
-#include "scene/scene.h"
+#include "scene/sample.h"
 
-// The fluxes through one end of a port, positive into the subsystem. Each is a mean over one step
-// with the weights of the integrator:
-//     energy   of sum_j e_j ydot_j       energy_gross   of sum_j |e_j ydot_j|
-//     entropy  of sum_j eta_j ydot_j     entropy_gross  of sum_j |eta_j ydot_j|
-// The gross fluxes are the scale of rounding.
-typedef struct pm_flux {
-    double energy;        // W
-    double entropy;       // W/K
-    double energy_gross;  // W
-    double entropy_gross; // W/K
-} pm_flux;
+// Neighbours in the scene that share their series, or a single subsystem or port.
+typedef struct pm_recorded_family {
+    const char *name; // in the file
+    int first, count; // positions in the scene
+    bool is_range;    // the series have an axis for the members
+    int state;        // of subsystems: position of the series of their states
+} pm_recorded_family;
 
-// The state of the whole scene after a step, and what flowed during it.
-typedef struct pm_sample {
-    long step;            // 0: the initial state, before any step; its fluxes are zero
-    double time;          // s, pm_scene_time
-    double *z;            // [scene->nz]
-    double *energy;       // [nsubsystem] J
-    double *entropy;      // [nsubsystem] J/K
-    double *bulk_energy;  // [nsubsystem] W, dE . zdot_bulk: 0 to rounding in the hard form
-    double *bulk_entropy; // [nsubsystem] W/K, dS . zdot_bulk: production >= 0
-    double *bulk_gross;   // [nsubsystem][2] sum_j |dE_j zdot_j|, sum_j |dS_j zdot_j| of the bulk
-    pm_flux (*flux)[2];   // [nport][end]
-    long *evaluated;      // [nsubsystem] graphs (exposure, bulk, ports) run so far
-    long *skipped;        // [nsubsystem] graphs that did not have to be run so far
-    long *outside;        // [nsubsystem] steps so far that ended outside the training range
-    double *error;        // [nsubsystem] largest relative error of a substep; 0: not estimated
-    const double *live;   // [scene->nlive] borrowed: the values of the live inputs during the step
-    // The ledger writes these: the worst residuals of the step, what has left through boundary
-    // inputs so far, and the counts above of all subsystems.
-    double energy_residual, entropy_residual;
-    double outside_energy, outside_entropy; // J, J/K
-    long evaluated_in_all, skipped_in_all;
-    int strayed;  // subsystems that have ended steps outside the training range
-    int farthest; // the subsystem with the largest number of such steps, and this number
-    long farthest_steps;
-} pm_sample;
+// The families of all subsystems and ports that a recording of a scene keeps.
+typedef struct pm_recorded_families {
+    int nsubsystem, nport;
+    pm_recorded_family *subsystem, *port; // [nsubsystem], [nport]
+} pm_recorded_families;
 
-// Makes a sample of zeros for a scene. The caller frees it. PM_ENOMEM.
-pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene);
-void pm_sample_free(pm_sample *sample); // NULL is allowed
+// Finds the families of a scene. Their arrays lie in the arena, their names in the scene.
+// PM_ENOMEM.
+pm_status pm_recorded_families_find(pm_recorded_families *families, pm_arena *arena,
+                                    const pm_scene *scene);
 
 typedef struct pm_recording pm_recording;
 

@@ -1,40 +1,38 @@
-// The memory of a sample (recording.h): one block for all of its arrays.
+// The memory of a sample: one block for all of its arrays, each of numbers of eight bytes.
+#include "scene/sample.h"
+
 #include <stdlib.h>
 
-#include "scene/recording.h"
+_Static_assert(sizeof(long) == 8 && sizeof(double) == 8, "a column has numbers of eight bytes");
 
-// Takes the next `count` elements of 8-byte aligned memory.
-static void *carve(char **memory, size_t count, size_t size) {
-    void *piece = *memory;
-    *memory += (count * size + 7) / 8 * 8;
-    return piece;
-}
+#define COUNT_ONE(type, name, series, unit) +1
+#define NCOLUMN (0 PM_SUBSYSTEM_NUMBERS(COUNT_ONE, COUNT_ONE))
 
 pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
-    const size_t nz = (size_t)scene->nz, n = (size_t)scene->nsubsystem;
-    const size_t nport = (size_t)scene->nport;
-    const size_t size = sizeof(pm_sample) + (nz + 7 * n) * sizeof(double) + 3 * n * sizeof(long) +
-                        nport * sizeof(pm_flux[2]);
-    pm_sample *s = calloc(1, size);
+    const size_t nz = (size_t)scene->physics.nz, n = (size_t)scene->physics.nsubsystem;
+    const size_t nport = (size_t)scene->physics.nport;
+    pm_sample *s = calloc(1, sizeof *s + 8 * (nz + NCOLUMN * n) + nport * sizeof *s->flux);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "sample: out of memory");
     }
-    char *memory = (char *)(s + 1);
-    s->z = carve(&memory, nz, sizeof *s->z);
-    s->energy = carve(&memory, n, sizeof *s->energy);
-    s->entropy = carve(&memory, n, sizeof *s->entropy);
-    s->bulk_energy = carve(&memory, n, sizeof *s->bulk_energy);
-    s->bulk_entropy = carve(&memory, n, sizeof *s->bulk_entropy);
-    s->bulk_gross = carve(&memory, 2 * n, sizeof *s->bulk_gross);
-    s->error = carve(&memory, n, sizeof *s->error);
-    s->flux = carve(&memory, nport, sizeof *s->flux);
-    s->evaluated = carve(&memory, n, sizeof *s->evaluated);
-    s->skipped = carve(&memory, n, sizeof *s->skipped);
-    s->outside = carve(&memory, n, sizeof *s->outside);
+    double *memory = (double *)(s + 1);
+    s->z = memory;
+    s->flux = (pm_flux(*)[2])(memory + nz);
+    memory = (double *)(s->flux + nport);
+#define PLACE(type, name, series, unit) \
+    s->name = (void *)memory;           \
+    memory += n;
+    PM_SUBSYSTEM_NUMBERS(PLACE, PLACE)
     *sample = s;
     return PM_OK;
 }
 
 void pm_sample_free(pm_sample *sample) {
     free(sample);
+}
+
+void pm_sample_set_books(pm_sample *sample, int id, const pm_books *books) {
+#define SET(type, name, series, unit) sample->name[id] = books->name;
+#define SET_BULK(member, name, series, unit) sample->name[id] = books->bulk.member;
+    PM_SUBSYSTEM_NUMBERS(SET, SET_BULK)
 }

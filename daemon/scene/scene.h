@@ -2,8 +2,8 @@
 // content of the scene file: topology, settings and known models. Learned models come from weights
 // files (system.h). The keys of the file are described in daemon/SCENE.md.
 //
-// Life cycle: pm_scene_load reads and checks a file; only pm_scene_join_processes and
-// pm_scene_cut_by_cost change the scene afterwards; pm_scene_free releases it.
+// Life cycle: pm_scene_load reads and checks a file; only pm_scene_merge_processes changes the
+// scene afterwards; pm_scene_free releases it.
 #ifndef PM_SCENE_SCENE_H
 #define PM_SCENE_SCENE_H
 
@@ -38,10 +38,8 @@ typedef struct pm_scene_subsystem {
     bool *hidden;
     double *guess, *deviation;
     const double *initial; // [nz] state at step 0; NULL: not given
-    int substeps;          // between two exchanges, for multirate integrators
-    const char *substeps_at;
-    int first;   // position of its first component in the concatenated state of the scene
-    int process; // position of the process that serves it
+    int first;             // position of its first component in the concatenated state of the scene
+    int process;           // position of the process that serves it
 } pm_scene_subsystem;
 
 // The subsystems that one process serves. By default each has its own process, of the same name.
@@ -123,26 +121,41 @@ typedef struct pm_scene_observation {
     pm_formula formula;
 } pm_scene_observation;
 
-typedef struct pm_scene {
-    pm_arena arena;           // owns all that follows
-    const char *path;         // as given to pm_scene_load
-    const char *name;         // letters, digits, '_' only
-    const char *url, *url_at; // address at which processes meet; NULL: not given
-    const char *tap_url;      // address at which listeners hear the run; set by app/connect.c
-    int ntap;
-    const char *
-        *tap; // [ntap] patterns of channels that are repeated at tap_url, if it is not `url`
-    const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
-    double dt;                          // s, of a step
-    int steps;
+// The equations: subsystems, the ports between them, and how time is discretised.
+typedef struct pm_physics {
+    double dt;                       // s, of a step
     const pm_integrator *integrator; // of the table in integrator.h; nobody frees it
     const char *integrator_at;
     int substeps;     // of a step; with a tolerance, their smallest number
-    double pace;      // simulated s per s of the clock; 0: as fast as possible
     double tolerance; // relative error of a substep; 0: substeps are fixed
-    int window;       // steps granted beyond the last step that all processes have completed
-    double patience;  // s to wait for a silent peer before giving up
-    int checkpoint;   // steps between two checkpoints of a process
+    int nsubsystem;
+    pm_scene_subsystem *subsystem; // [nsubsystem]
+    int nboundary_input;
+    pm_scene_boundary_input *boundary_input; // [nboundary_input]
+    int nport;
+    pm_scene_port *port; // [nport]
+    int nz;              // components of all subsystems
+    int nprescribed;     // values of all boundary inputs
+    // The names of all subsystems and ports, sorted; empty until the reader has read them all.
+    pm_names subsystem_names, port_names;
+    // The ends of ports at each subsystem as numbers 2 * port + end, in ascending order. Those of
+    // subsystem i begin at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
+    int *first_end, *end_at; // [nsubsystem + 1], [2 nport]
+    // An upper bound on the number of ports between any two subsystems; INT_MAX if there are two
+    // that no ports connect.
+    int diameter;
+} pm_physics;
+
+// Returns true if the number of substeps of each step follows from the error that a step estimates.
+static inline bool pm_physics_is_adaptive(const pm_physics *physics) {
+    return physics->tolerance > 0;
+}
+
+// A run of these equations: how long, from where, what it is compared with, when it ends, and what
+// its recording keeps.
+typedef struct pm_run {
+    int steps;
+    double pace;                          // simulated s per s of the clock; 0: as fast as possible
     const char *reference, *reference_at; // dataset to compare with; NULL: none
     int reference_trajectory;
     // s: the reference holds measurements, whose first seconds determine the initial state. 0: the
@@ -159,28 +172,31 @@ typedef struct pm_scene {
     bool outlives_recording; // a run whose recording cannot be written goes on without it
     bool *recorded;          // [nsubsystem] whether a recording keeps it; NULL: it keeps all
     int record_every;        // steps between two samples of a recording
-    int nsubsystem;
-    pm_scene_subsystem *subsystem; // [nsubsystem]
-    int nboundary_input;
-    pm_scene_boundary_input *boundary_input; // [nboundary_input]
+} pm_run;
+
+// The processes that serve a scene, and how they reach each other and the outside.
+typedef struct pm_network {
+    const char *url, *url_at; // address at which processes meet; NULL: not given
+    int ntap;
+    const char **tap; // [ntap] patterns of channels that are repeated where listeners hear the run
+    const char *key_file, *key_file_at; // key that seals messages (transport/seal.h); NULL: none
+    int window;      // steps granted beyond the last step that all processes have completed
+    double patience; // s to wait for a silent peer before giving up
+    int checkpoint;  // steps between two checkpoints of a process
     int nlive_input;
     pm_scene_live_input *live_input; // [nlive_input]
     int nlive;                       // values of all live inputs
-    int nport;
-    pm_scene_port *port; // [nport]
-    int nautomatic;      // processes that `processes: {auto: N}` asks for; 0: the scene lists them
     int nprocess;
     pm_scene_process *process; // [nprocess] in the order of their first subsystems
-    int nz;                    // components of all subsystems
-    int nprescribed;           // values of all boundary inputs
-    // The names of all subsystems and ports, sorted; empty until the reader has read them all.
-    pm_names subsystem_names, port_names;
-    // The ends of ports at each subsystem as numbers 2 * port + end, in ascending order. Those of
-    // subsystem i begin at end_at[first_end[i]] and end before end_at[first_end[i + 1]].
-    int *first_end, *end_at; // [nsubsystem + 1], [2 nport]
-    // An upper bound on the number of ports between any two subsystems; INT_MAX if there are two
-    // that no ports connect.
-    int diameter;
+} pm_network;
+
+typedef struct pm_scene {
+    pm_arena arena;   // owns all that follows
+    const char *path; // as given to pm_scene_load
+    const char *name; // letters, digits, '_' only
+    pm_physics physics;
+    pm_run run;
+    pm_network network;
 } pm_scene;
 
 // Reads the scene file at `path` and checks keys, types, names, units, neighbours and ports. The
@@ -199,10 +215,9 @@ int pm_scene_find_process(const pm_scene *scene, const char *name);
 // The position of a value of this name among the values of all live inputs.
 int pm_scene_find_live(const pm_scene *scene, const char *name);
 
-// Returns the time in s after `step` steps of a run that begins at t0 (s): t0 + step dt. All code
-// computes times with this function instead of summing up steps, so that times are bitwise the same
-// in all processes.
-double pm_scene_time(const pm_scene *scene, double t0, long step);
+// Returns the time in s after `step` steps of a run: step dt. All code computes times with this
+// function instead of summing up steps, so that times are bitwise the same in all processes.
+double pm_scene_time(const pm_scene *scene, long step);
 
 // Return true if a recording keeps a subsystem, or a port. It keeps a port if it keeps the
 // subsystem at one of its ends.
@@ -223,14 +238,10 @@ bool pm_scene_lists_subsystem(const pm_scene *scene, int id);
 
 // Returns true if different processes serve the two ends of a port. These processes then exchange
 // fluxes.
-bool pm_scene_joins_processes(const pm_scene *scene, const pm_scene_port *port);
-
-// Divides the subsystems of a scene with nautomatic > 0 anew, by the costs cost [nsubsystem] of
-// their rounds (sim/round_cost.h). PM_ECONFIG: METIS failed. PM_ENOMEM.
-pm_status pm_scene_cut_by_cost(pm_scene *scene, const int *cost);
+bool pm_port_crosses_processes(const pm_scene *scene, const pm_scene_port *port);
 
 // Replaces all processes by a single one, "all", which serves every subsystem. PM_ENOMEM.
-pm_status pm_scene_join_processes(pm_scene *scene);
+pm_status pm_scene_merge_processes(pm_scene *scene);
 
 // Return the name, and the layout with all groups of variables, of the subsystem or boundary input
 // at end `end` (0 or 1) of a port. The scene owns the results.

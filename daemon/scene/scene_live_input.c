@@ -110,21 +110,11 @@ static pm_status read_message(pm_scene_reader *r, pm_yaml list, pm_scene_live_in
     return PM_OK;
 }
 
-// The places in a message of portmet's own type, input_t: step, number of values, values.
-static void place_own(pm_scene_live_input *input) {
-    input->step = (pm_live_place){PM_LIVE_INTEGER, 8, PM_LIVE_HEAD};
-    for (int i = 0; i < input->count; ++i) {
-        input->place[i] = (pm_live_place){PM_LIVE_DOUBLE, 8, PM_LIVE_HEAD + 12 + 8 * i};
-    }
-    input->least_size = PM_LIVE_HEAD + 12 + 8 * (size_t)input->count;
-    input->own_type = true;
-}
-
 // --- an input ---
 
 static bool is_used(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nboundary_input; ++i) {
-        const pm_scene_boundary_input *owner = &scene->boundary_input[i];
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        const pm_scene_boundary_input *owner = &scene->physics.boundary_input[i];
         for (int k = 0; k < 3 * owner->layout.nz; ++k) {
             if (owner->value[k].column != NULL && strcmp(owner->value[k].column, name) == 0) {
                 return true;
@@ -143,7 +133,7 @@ static pm_status read_values(pm_scene_reader *r, pm_yaml block, pm_scene_live_in
     input->place = pm_arena_array(r->arena, (size_t)input->count, sizeof *input->place);
     input->start = pm_arena_array(r->arena, (size_t)input->count, sizeof *input->start);
     if (input->name == NULL || input->place == NULL || input->start == NULL) {
-        return pm_scene_no_memory();
+        return pm_scene_check_memory(r);
     }
     for (int i = 0; i < input->count; ++i) {
         bool twice = pm_scene_find_live(r->scene, named[i].text) >= 0;
@@ -183,7 +173,7 @@ static pm_status read_live_input(pm_scene_reader *r, pm_yaml key, pm_yaml block,
     static const char *const keys[] = {"values", "start", "wait", "age", "message", NULL};
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_scene_read_name(r, key, &input->channel));
-    PM_TRY(pm_scene_read_at(r, key, &input->at));
+    input->at = pm_yaml_where(key, r->arena);
     PM_TRY(read_values(r, block, input));
     PM_TRY(read_start(r, pm_yaml_get(block, "start"), input));
     const pm_yaml wait = pm_yaml_get(block, "wait"), age = pm_yaml_get(block, "age");
@@ -195,7 +185,13 @@ static pm_status read_live_input(pm_scene_reader *r, pm_yaml key, pm_yaml block,
         return pm_yaml_fail(wait, "a run that waits for the message of each step has no `start`");
     }
     if (!pm_yaml_exists(message)) {
-        place_own(input);
+        // The places in a message of portmet's own type, input_t: step, number of values, values.
+        input->step = (pm_live_place){PM_LIVE_INTEGER, 8, PM_LIVE_HEAD};
+        for (int i = 0; i < input->count; ++i) {
+            input->place[i] = (pm_live_place){PM_LIVE_DOUBLE, 8, PM_LIVE_HEAD + 12 + 8 * i};
+        }
+        input->least_size = PM_LIVE_HEAD + 12 + 8 * (size_t)input->count;
+        input->own_type = true;
         return PM_OK;
     }
     return read_message(r, message, input);
@@ -208,25 +204,26 @@ pm_status pm_scene_read_live_inputs(pm_scene_reader *r) {
         return PM_OK;
     }
     PM_TRY(pm_yaml_require_entries(inputs));
-    if (scene->key_file != NULL) {
+    if (scene->network.key_file != NULL) {
         return pm_yaml_fail(inputs, "live inputs come from programs that have no key: a scene with "
                                     "`key_file` cannot have any");
     }
-    scene->live_input =
-        pm_arena_array(r->arena, (size_t)pm_yaml_count(inputs), sizeof *scene->live_input);
-    if (scene->live_input == NULL) {
-        return pm_scene_no_memory();
+    scene->network.live_input =
+        pm_arena_array(r->arena, (size_t)pm_yaml_count(inputs), sizeof *scene->network.live_input);
+    if (scene->network.live_input == NULL) {
+        return pm_scene_check_memory(r);
     }
     for (int i = 0; i < pm_yaml_count(inputs); ++i) {
-        pm_scene_live_input *input = &scene->live_input[i];
+        pm_scene_live_input *input = &scene->network.live_input[i];
         pm_yaml key, block;
         pm_yaml_entry(inputs, i, &key, &block);
         PM_TRY(read_live_input(r, key, block, input));
-        input->first = scene->nlive;
-        scene->nlive += input->count;
-        ++scene->nlive_input;
+        input->first = scene->network.nlive;
+        scene->network.nlive += input->count;
+        ++scene->network.nlive_input;
     }
-    return scene->window == 1 ? PM_OK
-                              : pm_yaml_fail(inputs, "each step has values of its own: expected a "
-                                                     "lockstep window of 1");
+    return scene->network.window == 1
+               ? PM_OK
+               : pm_yaml_fail(inputs, "each step has values of its own: expected a "
+                                      "lockstep window of 1");
 }

@@ -1,21 +1,53 @@
-// Reads names that stand for many components. A key such as "link[0:100]" or "cell[0:10][0:20]"
+// Reads names, and texts that stand for many. A key such as "link[0:100]" or "cell[0:10][0:20]"
 // means one component for each index, and a text within its block names its neighbours by
 // expressions of that index: "link[i+1]", "cell[i][j-1]". The ends of ports can come from a table
-// in an HDF5 file: "link[a]", "link[b]".
+// in an HDF5 file: "link[a]", "link[b]". In a list of columns "f[0:3]" stands for f0, f1, f2.
 #include <ctype.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "scene/scene_reader.h"
-#include "store/hdf5_io.h"
 
-#define MAX_INDEX 1000000000L
+#define MAX_NAME 48      // characters of a name
 #define MAX_EXPANDED 160 // characters of a text after its indices have become numbers
+// The most components of one list, and the most column names of a scene. A range is short to write,
+// so its expansion needs a limit.
+#define MAX_COLUMNS_OF_LIST 100000
+#define MAX_COLUMNS 1000000
 
 static const char letters[] = "ijk"; // of the axes
 static const char columns[] = "ab";  // of a table
+
+pm_status pm_scene_check_memory(const pm_scene_reader *r) {
+    return pm_arena_status(r->arena, "a scene");
+}
+
+// --- names and paths ---
+
+static bool is_letter(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+}
+
+pm_status pm_scene_check_name(pm_yaml at, const char *name) {
+    bool good = is_letter(name[0]) && strlen(name) <= MAX_NAME;
+    for (const char *c = name; *c != '\0'; ++c) {
+        good = good && (is_letter(*c) || (*c >= '0' && *c <= '9') || *c == '_');
+    }
+    return good ? PM_OK
+                : pm_yaml_fail(
+                      at,
+                      "expected a name of a letter, then letters, digits or '_', at most %d "
+                      "in all, found \"%.64s\"",
+                      MAX_NAME, name);
+}
+
+pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name) {
+    PM_TRY(pm_yaml_text(at, r->arena, name));
+    return pm_scene_check_name(at, *name);
+}
+
+// --- ranges ---
 
 // Reads a whole number and moves `text` past it. Returns -1 if `text` begins with none.
 static long read_number(const char **text) {
@@ -35,7 +67,8 @@ static bool read_axis(const char **text, int *first, int *count) {
     const bool colon = *rest == ':';
     rest += colon;
     const long end = read_number(&rest);
-    if (**text != '[' || !colon || *rest != ']' || low < 0 || end <= low || end > MAX_INDEX) {
+    if (**text != '[' || !colon || *rest != ']' || low < 0 || end <= low ||
+        end > PM_SCENE_MAX_INDEX) {
         return false;
     }
     *text = rest + 1;
@@ -72,7 +105,7 @@ pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
     static const char *const axes[] = {"", "[i]", "[i][j]", "[i][j][k]"};
     range->pattern =
         pm_arena_printf(r->arena, "%.*s%s", (int)(open - text), text, axes[range->naxis]);
-    return range->pattern == NULL ? pm_scene_no_memory() : PM_OK;
+    return pm_scene_check_memory(r);
 }
 
 void pm_scene_enter(pm_scene_reader *r, const pm_scene_range *range, int number) {
@@ -83,35 +116,26 @@ void pm_scene_enter(pm_scene_reader *r, const pm_scene_range *range, int number)
     }
 }
 
-// Finds the number that a letter stands for; false if it stands for none.
-static bool find_index(const pm_scene_reader *r, char letter, long *value) {
-    const char *axis = letter == '\0' ? NULL : strchr(letters, letter);
-    const char *column = letter == '\0' ? NULL : strchr(columns, letter);
-    if (axis != NULL && axis - letters < r->naxis) {
-        *value = r->index[axis - letters];
-        return true;
-    }
-    if (column != NULL && r->row != NULL) {
-        *value = (long)r->row[column - columns];
-        return true;
-    }
-    return false;
-}
-
 // Reads "[i+1]" and moves `text` past it. `value` receives the number. Returns false if `text`
 // begins with something else.
 static bool read_index(const pm_scene_reader *r, const char **text, long *value) {
     const char *rest = *text;
-    long index;
-    if (rest[0] != '[' || !find_index(r, rest[1], &index)) {
+    const char letter = rest[0] == '[' ? rest[1] : '\0';
+    const char *axis = letter == '\0' ? NULL : strchr(letters, letter);
+    const char *column = letter == '\0' ? NULL : strchr(columns, letter);
+    long index, offset = 0;
+    if (axis != NULL && axis - letters < r->naxis) {
+        index = r->index[axis - letters];
+    } else if (column != NULL && r->row != NULL) {
+        index = (long)r->row[column - columns];
+    } else {
         return false;
     }
     rest += 2;
-    long offset = 0;
     if (*rest == '+' || *rest == '-') {
         const bool minus = *rest++ == '-';
         offset = read_number(&rest);
-        if (offset < 0 || offset > MAX_INDEX) {
+        if (offset < 0 || offset > PM_SCENE_MAX_INDEX) {
             return false;
         }
         offset = minus ? -offset : offset;
@@ -153,138 +177,86 @@ pm_status pm_scene_expand(pm_scene_reader *r, pm_yaml at, const char *text, cons
     }
     buffer[used] = '\0';
     *result = pm_arena_strdup(r->arena, buffer);
-    return *result == NULL ? pm_scene_no_memory() : PM_OK;
+    return pm_scene_check_memory(r);
 }
 
-pm_status pm_scene_read_indexed(pm_scene_reader *r, pm_yaml at, const char **text) {
-    PM_TRY(pm_yaml_text(at, r->arena, text));
-    return pm_scene_expand(r, at, *text, text);
+// --- lists ---
+
+// Returns entry i of a list, or the value itself if it is no list.
+static pm_yaml item_of(pm_yaml list, int i) {
+    return pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
 }
 
-// --- tables of ports ---
-
-static pm_status check_numbers(const char *path, const char *dataset, int count,
-                               const double *table) {
-    for (int i = 0; i < 2 * count; ++i) {
-        if (!(table[i] >= 0 && table[i] <= MAX_INDEX && table[i] == floor(table[i]))) {
-            return pm_fail(PM_EDATA, "%s: dataset %s: row %d has %g, expected a whole number >= 0",
-                           path, dataset, i / 2, table[i]);
-        }
-    }
-    return PM_OK;
-}
-
-static pm_status load_table(pm_scene_reader *r, const char *path, const char *dataset, int count,
-                            double **table) {
-    const int extent[2] = {count, 2};
-    pm_hdf5 *file = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
-    *table = pm_arena_array(r->arena, 2 * (size_t)count, sizeof **table);
-    PM_TRY_DONE(*table == NULL ? pm_scene_no_memory() : PM_OK);
-    PM_TRY_DONE(pm_hdf5_read(file, dataset, 2, extent, *table));
-    status = check_numbers(path, dataset, count, *table);
-done:
-    pm_hdf5_close(file);
-    return status;
-}
-
-pm_status pm_scene_read_table(pm_scene_reader *r, pm_yaml block, int count, const double **table) {
-    static const char *const keys[] = {"file", "dataset", NULL};
-    const pm_yaml value = pm_yaml_get(block, "table");
-    const char *path, *dataset;
-    pm_yaml file, name;
-    double *numbers = NULL;
-    *table = NULL;
-    if (!pm_yaml_exists(value)) {
-        return PM_OK;
-    }
-    if (r->naxis == 0) {
-        return pm_yaml_fail(value, "a table needs a range of ports, such as joint[0:30]");
-    }
-    PM_TRY(pm_yaml_allow(value, keys));
-    PM_TRY(pm_yaml_require(value, "file", &file));
-    PM_TRY(pm_yaml_require(value, "dataset", &name));
-    PM_TRY(pm_scene_read_path(r, file, &path));
-    PM_TRY(pm_yaml_text(name, r->arena, &dataset));
-    PM_TRY(load_table(r, path, dataset, count, &numbers));
-    *table = numbers;
-    return PM_OK;
-}
-
-// --- all entries of a mapping ---
-
-pm_status pm_scene_read_entries(pm_scene_reader *r, pm_yaml map, pm_scene_entries *entries) {
-    const int count = pm_yaml_count(map);
-    *entries = (pm_scene_entries){
-        .map = map,
-        .count = count,
-        .range = pm_arena_array(r->arena, (size_t)count, sizeof *entries->range),
-        .first = pm_arena_array(r->arena, (size_t)count, sizeof *entries->first),
-    };
-    if (entries->range == NULL || entries->first == NULL) {
-        return pm_scene_no_memory();
-    }
+pm_status pm_scene_visit_members(pm_scene_reader *r, pm_yaml list, pm_scene_member_visit *visit,
+                                 int number) {
+    int count;
+    const char **text;
+    PM_TRY(pm_yaml_texts(list, r->arena, &count, &text));
     for (int i = 0; i < count; ++i) {
-        pm_yaml key, block;
-        const char *text;
-        pm_yaml_entry(map, i, &key, &block);
-        PM_TRY(pm_yaml_text(key, r->arena, &text));
-        PM_TRY(pm_scene_parse_range(r, key, text, &entries->range[i]));
-        entries->first[i] = entries->total;
-        if (entries->range[i].total > PM_SCENE_MOST_COMPONENTS - entries->total) {
-            return pm_yaml_fail(key, "more than %d components in all", PM_SCENE_MOST_COMPONENTS);
+        const pm_yaml at = item_of(list, i);
+        pm_scene_range range;
+        PM_TRY(pm_scene_parse_range(r, at, text[i], &range));
+        for (int k = 0; k < range.total; ++k) {
+            const char *name;
+            pm_scene_enter(r, &range, k);
+            PM_TRY(pm_scene_expand(r, at, range.pattern, &name));
+            const int id = pm_scene_find_subsystem(r->scene, name);
+            if (id < 0) {
+                char names[512];
+                return pm_yaml_fail(at, "there is no subsystem \"%.64s\"; subsystems: %s", name,
+                                    pm_scene_subsystem_names(r->scene, names, sizeof names));
+            }
+            PM_TRY(visit(r, at, id, number));
         }
-        entries->total += entries->range[i].total;
     }
+    r->naxis = 0;
     return PM_OK;
 }
 
-int pm_scene_entry_of(const pm_scene_entries *entries, int component) {
-    int low = 0, high = entries->count;
-    while (high - low > 1) {
-        const int middle = low + (high - low) / 2;
-        if (entries->first[middle] <= component) {
-            low = middle;
-        } else {
-            high = middle;
+pm_status pm_scene_read_columns(pm_scene_reader *r, pm_yaml list, int *count,
+                                pm_scene_named **result) {
+    const int nitem = pm_yaml_is_list(list) ? pm_yaml_count(list) : 1;
+    pm_name_range *range = pm_arena_array(r->arena, (size_t)nitem, sizeof *range);
+    PM_TRY(pm_scene_check_memory(r));
+    *count = 0;
+    for (int i = 0; i < nitem; ++i) {
+        const pm_yaml at = item_of(list, i);
+        const char *text;
+        PM_TRY(pm_yaml_text(at, r->arena, &text));
+        PM_TRY(pm_scene_expand(r, at, text, &text));
+        if (pm_name_range_parse(&range[i], text) != PM_OK) {
+            return pm_yaml_fail(at, "%s", pm_error());
+        }
+        if (range[i].count > MAX_COLUMNS_OF_LIST - *count) {
+            return pm_yaml_fail(at, "expected 1 to %d components, found more", MAX_COLUMNS_OF_LIST);
+        }
+        *count += range[i].count;
+        if (range[i].count > MAX_COLUMNS - r->nname) {
+            return pm_yaml_fail(at, "more than %d columns in all", MAX_COLUMNS);
+        }
+        r->nname += range[i].count;
+    }
+    if (*count == 0) {
+        return pm_yaml_fail(list, "expected 1 to %d components, found 0", MAX_COLUMNS_OF_LIST);
+    }
+    pm_scene_named *named = pm_arena_array(r->arena, (size_t)*count, sizeof *named);
+    PM_TRY(pm_scene_check_memory(r));
+    *result = named;
+    for (int i = 0; i < nitem; ++i) {
+        for (int k = 0; k < range[i].count; ++k, ++named) {
+            *named = (pm_scene_named){pm_name_range_text(&range[i], k, r->arena), item_of(list, i)};
         }
     }
-    return low;
+    return pm_scene_check_memory(r);
 }
 
-const char *pm_scene_range_of(const pm_scene_entries *entries, int component) {
-    const pm_scene_range *range = &entries->range[pm_scene_entry_of(entries, component)];
-    return range->naxis == 0 ? NULL : range->key;
-}
+// --- lists for messages ---
 
-pm_status pm_scene_enter_entry(pm_scene_reader *r, const pm_scene_entries *entries, int id,
-                               pm_yaml *key, pm_yaml *block, const char **name, int *first) {
-    const int i = pm_scene_entry_of(entries, id);
-    const pm_scene_range *range = &entries->range[i];
-    *first = entries->first[i];
-    pm_yaml_entry(entries->map, i, key, block);
-    pm_scene_enter(r, range, id - *first);
-    PM_TRY(pm_scene_expand(r, *key, range->pattern, name));
-    return pm_scene_check_name(*key, *name);
-}
-
-pm_status pm_scene_sort_names(pm_scene_reader *r, const pm_scene_entries *entries,
-                              const char *(*name_of)(const pm_scene *scene, int id),
-                              pm_names *names) {
-    const char **name = pm_arena_array(r->arena, (size_t)entries->total, sizeof *name);
-    if (name == NULL) {
-        return pm_scene_no_memory();
+const char *pm_scene_subsystem_names(const pm_scene *scene, char *buffer, size_t size) {
+    size_t used = 0;
+    for (int i = 0; i < scene->physics.nsubsystem && used < size; ++i) {
+        used += (size_t)snprintf(buffer + used, size - used, "%s%s", i == 0 ? "" : ", ",
+                                 scene->physics.subsystem[i].name);
     }
-    for (int i = 0; i < entries->total; ++i) {
-        name[i] = name_of(r->scene, i);
-    }
-    PM_TRY(pm_names_sort(names, name, entries->total, r->arena));
-    const int twice = pm_names_twice(names);
-    if (twice < 0) {
-        return PM_OK;
-    }
-    pm_yaml key, block;
-    pm_yaml_entry(entries->map, pm_scene_entry_of(entries, twice), &key, &block);
-    return pm_yaml_fail(key, "the name \"%s\" occurs twice", name[twice]);
+    return buffer;
 }

@@ -1,14 +1,170 @@
-// Joins a scene with its weights: loads every file and compares it with the scene's declarations.
+// Joins a scene with its weights: loads every file, compares it with the scene's declarations, and
+// checks that models, meshes, weights and data belong together.
 #include "scene/system.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/digest.h"
+#include "model/solid/solid.h"
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory while loading a system");
+// The entries of the scene that describe a component.
+typedef struct source {
+    const char *name;
+    const char *weights, *weights_at; // path and place; weights NULL: a known model
+    const void *model;                // spec of the known model; NULL: it comes from weights
+    const char *mesh;                 // of a solid; NULL: none
+    const char *law;                  // of a port; NULL: a subsystem
+    const pm_layout *layout;          // [1], or [2] of a port
+} source;
+
+static source source_of(const pm_scene *scene, int component) {
+    if (component < scene->physics.nsubsystem) {
+        const pm_scene_subsystem *s = &scene->physics.subsystem[component];
+        return (source){s->name, s->weights, s->weights_at, s->model, s->mesh, NULL, &s->layout};
+    }
+    const pm_scene_port *p = &scene->physics.port[component - scene->physics.nsubsystem];
+    return (source){p->name, p->weights, p->weights_at, p->model, NULL, p->law, p->layout};
 }
+
+// --- models ---
+
+// Makes an empty model of its own for a component, with the scene's layouts.
+static pm_status make_model(pm_system *system, int component) {
+    const source from = source_of(system->scene, component);
+    const int nsubsystem = system->scene->physics.nsubsystem;
+    pm_component *c = &system->component[component];
+    pm_provenance *provenance = pm_arena_array(&system->arena, 1, sizeof *provenance);
+    if (component < nsubsystem) {
+        pm_part *part = pm_arena_array(&system->arena, 1, sizeof *part);
+        PM_TRY(pm_arena_status(&system->arena, "a system"));
+        *c = pm_component_of_part(system->part[component] = part);
+    } else {
+        pm_port_model *port = pm_arena_array(&system->arena, 1, sizeof *port);
+        PM_TRY(pm_arena_status(&system->arena, "a system"));
+        *c = pm_component_of_port(system->port[component - nsubsystem] = port);
+    }
+    memcpy(c->layout, from.layout, (size_t)c->kind->nlayout * sizeof *c->layout);
+    c->provenance = provenance;
+    return PM_OK;
+}
+
+// Adds the component's name to an error, since several components may use one model.
+static pm_status name_component(pm_status status, const char *name) {
+    return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
+}
+
+pm_status pm_system_declare(pm_system *system, int component) {
+    const source from = source_of(system->scene, component);
+    const pm_component *c = &system->component[component];
+    memcpy(c->spec, from.model, c->kind->spec_size);
+    if (from.law != NULL && strcmp(pm_component_law(c), from.law) != 0) {
+        const int port = component - system->scene->physics.nsubsystem;
+        return pm_fail(PM_ECONFIG, "%s: the model of port %s is one of the law %s",
+                       system->scene->physics.port[port].law_at, from.name, pm_component_law(c));
+    }
+    PM_TRY(name_component(c->kind->declare(c->model), from.name));
+    // A known model has all its numbers, since no weights file supplies them.
+    PM_TRY(name_component(pm_spec_locate(from.weights_at, pm_params_check_given(c->params)),
+                          from.name));
+    if (pm_params_trained(c->params) > 0) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: the model of %s has %zu numbers to be learned: it needs weights",
+                       from.weights_at, from.name, pm_params_trained(c->params));
+    }
+    pm_arena arena = {0};
+    const char *text = c->kind->write_spec(c->spec, &arena);
+    c->provenance->digest = text == NULL ? 0 : pm_component_digest(c, text);
+    pm_arena_free(&arena);
+    return text == NULL ? pm_fail(PM_ENOMEM, "out of memory for the text of a model") : PM_OK;
+}
+
+// --- solids ---
+//
+// The groups of the state of a solid (model/solid/solid.h) in a scene are
+//   u      [nnode][3]  m        displacements
+//   p      [nnode][3]  kg m/s   momenta, zero, since a solid has no inertia; ports act on them, and
+//                               their co-energy is the velocity
+//   inner  [nelement][8][nbranch][6]  inner variables of the branches, if there are any
+//   sigma  [nnode][6]  Pa       Cauchy stresses, if the scene asks for them
+//   s      J/K                  entropy
+//   contact [ncontact][3] kg m/s  momenta of the nodes on which ports of the law `contact` act,
+//                               zero like p, if the mesh names such nodes
+
+// Checks that the groups of a solid have the units and sizes that its mesh demands.
+static pm_status check_solid_layout(const pm_scene_subsystem *subsystem, const pm_solid_mesh *mesh,
+                                    int nbranch) {
+    const int inner = mesh->nelement * PM_BRICK_POINTS * PM_SYM * nbranch;
+    const struct {
+        const char *name, *unit;
+        int size;
+        bool needed;
+    } known[] = {
+        {"u", "m", 3 * mesh->nnode, true},
+        {"p", "kg m/s", 3 * mesh->nnode, true},
+        {"inner", "1", inner, nbranch > 0},
+        {"sigma", "Pa", PM_SYM * mesh->nnode, false},
+        {"s", "J/K", 1, true},
+        {"contact", "kg m/s", 3 * mesh->ncontact, false},
+    };
+    const pm_layout *layout = &subsystem->layout;
+    bool is_known[PM_MAX_GROUPS] = {false};
+    for (size_t k = 0; k < sizeof known / sizeof *known; ++k) {
+        const pm_group *group = pm_layout_find(layout, known[k].name);
+        if (group == NULL && known[k].needed) {
+            return pm_fail(PM_EWEIGHTS, "%s: the solid %s needs a group %s, in %s, of size %d",
+                           subsystem->at, subsystem->name, known[k].name, known[k].unit,
+                           known[k].size);
+        }
+        if (group != NULL &&
+            (group->size != known[k].size || strcmp(group->unit, known[k].unit) != 0)) {
+            return pm_fail(PM_EWEIGHTS,
+                           "%s: group %s of the solid %s has %d components in %s, and its mesh "
+                           "demands %d in %s",
+                           subsystem->group_at[group - layout->group], known[k].name,
+                           subsystem->name, group->size, group->unit, known[k].size, known[k].unit);
+        }
+        if (group != NULL) {
+            is_known[group - layout->group] = true;
+        }
+    }
+    for (int i = 0; i < layout->ngroup; ++i) {
+        if (!is_known[i]) {
+            return pm_fail(PM_EWEIGHTS,
+                           "%s: a solid has no group %s: its groups are u, p, inner, sigma, s and "
+                           "contact",
+                           subsystem->group_at[i], layout->group[i].name);
+        }
+    }
+    return PM_OK;
+}
+
+// Gives a solid the layout of its subsystem, and loads its mesh.
+static pm_status load_mesh(pm_system *system, int id) {
+    const pm_scene_subsystem *subsystem = &system->scene->physics.subsystem[id];
+    pm_part *part = system->part[id];
+    if (pm_part_kind_of(part) != PM_PART_SOLID) {
+        return pm_fail(PM_ECONFIG, "%s: subsystem %s has a mesh, but no weights of a solid",
+                       subsystem->mesh_at, subsystem->name);
+    }
+    if (subsystem->mesh == NULL) {
+        return pm_fail(PM_EWEIGHTS, "%s: the solid %s needs a mesh", subsystem->at,
+                       subsystem->name);
+    }
+    pm_solid_mesh *mesh = pm_arena_array(&system->arena, 1, sizeof *mesh);
+    PM_TRY(pm_arena_status(&system->arena, "a mesh"));
+    const pm_status status = pm_solid_mesh_load(mesh, subsystem->mesh, &system->arena);
+    if (status != PM_OK) {
+        return pm_fail(status, "%s: subsystem %s: %s", subsystem->mesh_at, subsystem->name,
+                       pm_error());
+    }
+    PM_TRY(check_solid_layout(subsystem, mesh, part->spec.solid->nbranch));
+    part->layout = subsystem->layout;
+    system->mesh[id] = mesh;
+    return PM_OK;
+}
+
+// --- weights ---
 
 // Writes a layout as "q[2] in m, p[2] in kg m/s" into the arena, for messages.
 static const char *describe(const pm_layout *layout, pm_arena *arena) {
@@ -21,309 +177,291 @@ static const char *describe(const pm_layout *layout, pm_arena *arena) {
     return text == NULL ? "?" : text;
 }
 
-// Compares the layout in a weights file with the layout in the scene. `who` names the subsystem or
-// the end of a port; `at` is its place in the scene.
-static pm_status check_layout(const pm_layout *declared, const pm_layout *own, const char *at,
-                              const char *who, const char *path, pm_system *system) {
-    if (pm_layout_equal(declared, own)) {
-        return PM_OK;
-    }
-    return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s", at,
-                   who, path, describe(own, &system->arena), describe(declared, &system->arena));
-}
-
-// Returns the place of the scene's first group that differs from the group in the weights; without
-// a difference, the place of its last group.
-static const char *differing_group(const pm_scene_subsystem *subsystem, const pm_layout *own) {
-    const pm_layout *declared = &subsystem->layout;
-    int i = 0;
-    while (i < declared->ngroup - 1 && i < own->ngroup &&
-           pm_group_equal(&declared->group[i], &own->group[i])) {
-        ++i;
-    }
-    return subsystem->group_at[i];
-}
-
-// Reports that the weights named at a place of the scene could not be loaded.
-static pm_status load_failed(pm_status status, const char *at, const char *what, const char *name) {
-    return pm_fail(status, "%s: %s %s: %s", at, what, name, pm_error());
-}
-
-// --- models ---
-
-// Makes an empty model of its own for a component, with the scene's layouts.
-static pm_status make_part(pm_system *system, int id) {
-    pm_part *part = pm_arena_array(&system->arena, 1, sizeof *part);
-    pm_provenance *provenance = pm_arena_array(&system->arena, 1, sizeof *provenance);
-    if (part == NULL || provenance == NULL) {
-        return no_memory();
-    }
-    part->layout = system->scene->subsystem[id].layout;
-    system->part[id] = part;
-    system->part_provenance[id] = provenance;
-    return PM_OK;
-}
-
-static pm_status make_port(pm_system *system, int id) {
-    pm_port_model *port = pm_arena_array(&system->arena, 1, sizeof *port);
-    pm_provenance *provenance = pm_arena_array(&system->arena, 1, sizeof *provenance);
-    if (port == NULL || provenance == NULL) {
-        return no_memory();
-    }
-    port->layout[0] = system->scene->port[id].layout[0];
-    port->layout[1] = system->scene->port[id].layout[1];
-    system->port[id] = port;
-    system->port_provenance[id] = provenance;
-    return PM_OK;
-}
-
-// --- known models ---
-
-// Adds the component's name to an error, since several components may use one model.
-static pm_status name_component(pm_status status, const char *name) {
-    return status == PM_ECONFIG ? pm_fail(status, "%s (model of %s)", pm_error(), name) : status;
-}
-
-// Checks that a known model has all its numbers, since no weights file supplies them.
-static pm_status check_known(const pm_params *params, const char *at, const char *name) {
-    PM_TRY(name_component(pm_spec_locate(at, pm_params_check_given(params)), name));
-    return pm_params_trained(params) == 0
-               ? PM_OK
-               : pm_fail(PM_ECONFIG,
-                         "%s: the model of %s has %zu numbers to be learned: it needs weights", at,
-                         name, pm_params_trained(params));
-}
-
-pm_status pm_system_declare_part(pm_system *system, int id) {
-    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
-    pm_part *part = system->part[id];
-    part->spec = *subsystem->model;
-    PM_TRY(name_component(pm_part_declare(part), subsystem->name));
-    PM_TRY(check_known(&part->params, subsystem->weights_at, subsystem->name));
-    return pm_weights_digest_part(part, &system->part_provenance[id]->digest);
-}
-
-pm_status pm_system_declare_port(pm_system *system, int id) {
-    const pm_scene_port *port = &system->scene->port[id];
-    pm_port_model *model = system->port[id];
-    model->spec = *port->model;
-    if (strcmp(model->spec.law, port->law) != 0) {
-        return pm_fail(PM_ECONFIG, "%s: the model of port %s is one of the law %s", port->law_at,
-                       port->name, model->spec.law);
-    }
-    PM_TRY(name_component(pm_port_declare(model), port->name));
-    PM_TRY(check_known(&model->params, port->weights_at, port->name));
-    return pm_weights_digest_port(model, &system->port_provenance[id]->digest);
-}
-
-// --- weights ---
-
-// Returns the file to load: the scene's path, or the file of the same name in `weights_dir`. NULL:
-// out of memory.
-static const char *weights_path(const char *path, const char *weights_dir, pm_arena *arena) {
-    if (weights_dir == NULL) {
-        return path;
-    }
-    const char *slash = strrchr(path, '/');
-    return pm_arena_printf(arena, "%s/%s", weights_dir, slash == NULL ? path : slash + 1);
-}
-
-// Checks that weights fit the subsystem that names them.
-static pm_status check_part(pm_system *system, int id) {
-    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
-    const pm_layout *own = &system->part[id]->layout;
-    if (system->part[id]->spec.solid != NULL || subsystem->mesh != NULL) {
-        return pm_system_load_solid(system, id);
-    }
-    if (pm_layout_equal(&subsystem->layout, own)) {
-        return PM_OK;
-    }
-    const char *who = pm_arena_printf(&system->arena, "subsystem %s", subsystem->name);
-    return who == NULL ? no_memory()
-                       : check_layout(&subsystem->layout, own, differing_group(subsystem, own), who,
-                                      system->part_provenance[id]->path, system);
-}
-
-static pm_status load_part(pm_system *system, int id, const char *weights_dir) {
-    const pm_scene_subsystem *subsystem = &system->scene->subsystem[id];
-    const char *path = weights_path(subsystem->weights, weights_dir, &system->arena);
-    if (path == NULL) {
-        return no_memory();
-    }
-    const pm_status status =
-        pm_weights_load_part(path, &system->arena, system->part[id], system->part_provenance[id]);
-    return status == PM_OK
-               ? check_part(system, id)
-               : load_failed(status, subsystem->weights_at, "subsystem", subsystem->name);
-}
-
-// Checks that weights fit the port that names them.
-static pm_status check_port(pm_system *system, int id) {
+// Checks that weights fit the component that names them.
+static pm_status check_model(pm_system *system, int component) {
     const pm_scene *scene = system->scene;
-    const pm_scene_port *port = &scene->port[id];
-    const pm_port_model *model = system->port[id];
-    const char *path = system->port_provenance[id]->path;
-    if (strcmp(model->spec.law, port->law) != 0) {
+    const source from = source_of(scene, component);
+    const pm_component *c = &system->component[component];
+    const pm_part *part = pm_component_part(c);
+    if (part != NULL && (pm_part_kind_of(part) == PM_PART_SOLID || from.mesh != NULL)) {
+        return load_mesh(system, component);
+    }
+    const pm_scene_port *port =
+        part != NULL ? NULL : &scene->physics.port[component - scene->physics.nsubsystem];
+    const char *path = c->provenance->path;
+    if (port != NULL && strcmp(pm_component_law(c), port->law) != 0) {
         return pm_fail(PM_EWEIGHTS,
                        "%s: port %s: the weights %s are made for the law %s; the scene says %s",
-                       port->law_at, port->name, path, model->spec.law, port->law);
+                       port->law_at, port->name, path, pm_component_law(c), port->law);
     }
-    for (int end = 0; end < 2; ++end) {
-        if (pm_layout_equal(&port->layout[end], &model->layout[end])) {
+    for (int k = 0; k < c->kind->nlayout; ++k) {
+        const pm_layout *declared = &from.layout[k], *own = &c->layout[k];
+        if (pm_layout_equal(declared, own)) {
             continue;
         }
-        const char *who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
-                                          pm_scene_end_name(scene, port, end));
-        if (who == NULL) {
-            return no_memory();
+        const char *at, *who;
+        if (port != NULL) {
+            at = port->expose_at[k];
+            who = pm_arena_printf(&system->arena, "port %s, end %s", port->name,
+                                  pm_scene_end_name(scene, port, k));
+        } else { // the first group that differs; without one, the last group
+            int i = 0;
+            while (i < declared->ngroup - 1 && i < own->ngroup &&
+                   pm_group_equal(&declared->group[i], &own->group[i])) {
+                ++i;
+            }
+            at = scene->physics.subsystem[component].group_at[i];
+            who = pm_arena_printf(&system->arena, "subsystem %s", from.name);
         }
-        PM_TRY(check_layout(&port->layout[end], &model->layout[end], port->expose_at[end], who,
-                            path, system));
+        PM_TRY(pm_arena_status(&system->arena, "a system"));
+        return pm_fail(PM_EWEIGHTS, "%s: %s: the weights %s are made for %s; the scene says %s", at,
+                       who, path, describe(own, &system->arena),
+                       describe(declared, &system->arena));
     }
     return PM_OK;
 }
 
-static pm_status load_port(pm_system *system, int id, const char *weights_dir) {
-    const pm_scene_port *port = &system->scene->port[id];
-    const char *path = weights_path(port->weights, weights_dir, &system->arena);
-    if (path == NULL) {
-        return no_memory();
+// Returns true if two components of one kind can share a model: they name the same weights file, or
+// use one reading of a known model with equal layouts, and solids have equal layouts as well.
+static bool can_share(const source *own, const source *other) {
+    const bool alike = own->weights == NULL ? own->model == other->model
+                                            : own->weights == other->weights ||
+                                                  (other->weights != NULL &&
+                                                   strcmp(own->weights, other->weights) == 0);
+    if (!alike || (own->model == NULL && own->mesh == NULL)) {
+        return alike;
     }
-    const pm_status status =
-        pm_weights_load_port(path, &system->arena, system->port[id], system->port_provenance[id]);
-    return status == PM_OK ? check_port(system, id)
-                           : load_failed(status, port->weights_at, "port", port->name);
+    return pm_layout_equal(&own->layout[0], &other->layout[0]) &&
+           (own->law == NULL || (strcmp(own->law, other->law) == 0 &&
+                                 pm_layout_equal(&own->layout[1], &other->layout[1])));
 }
 
-// --- components that share a model ---
-
-// Returns true if two components name the same weights file, or use one reading of a known model.
-static bool is_alike(const char *weights, const void *model, const char *other_weights,
-                     const void *other_model) {
-    return weights == NULL ? model == other_model
-                           : weights == other_weights ||
-                                 (other_weights != NULL && strcmp(weights, other_weights) == 0);
-}
-
-// Makes subsystem `id` use the model of an earlier one that has the same source, and returns true,
-// if there is one. `owner` [nowner] lists the owners so far.
-static bool share_part(pm_system *system, int id, const int *owner, int nowner) {
-    const pm_scene_subsystem *own = &system->scene->subsystem[id];
-    for (int i = nowner - 1; i >= 0; --i) {
-        const pm_scene_subsystem *other = &system->scene->subsystem[owner[i]];
-        if (is_alike(own->weights, own->model, other->weights, other->model) &&
-            ((own->model == NULL && own->mesh == NULL) ||
-             pm_layout_equal(&own->layout, &other->layout))) {
-            system->part_owner[id] = owner[i];
-            system->part[id] = system->part[owner[i]];
-            system->part_provenance[id] = system->part_provenance[owner[i]];
-            return true;
+static pm_status load_models(pm_system *system, const char *weights_dir) {
+    const int nsubsystem = system->scene->physics.nsubsystem, count = pm_system_components(system);
+    int *owner = pm_arena_array(&system->arena, (size_t)count, sizeof *owner);
+    PM_TRY(pm_arena_status(&system->arena, "a system"));
+    int nowner = 0; // of the same kind
+    for (int c = 0; c < count; ++c) {
+        const source own = source_of(system->scene, c);
+        nowner = c == nsubsystem ? 0 : nowner;
+        int i = nowner - 1;
+        for (; i >= 0; --i) {
+            const source other = source_of(system->scene, owner[i]);
+            if (can_share(&own, &other)) {
+                break;
+            }
         }
-    }
-    return false;
-}
-
-static bool share_port(pm_system *system, int id, const int *owner, int nowner) {
-    const pm_scene_port *own = &system->scene->port[id];
-    for (int i = nowner - 1; i >= 0; --i) {
-        const pm_scene_port *other = &system->scene->port[owner[i]];
-        if (is_alike(own->weights, own->model, other->weights, other->model) &&
-            (own->model == NULL || (strcmp(own->law, other->law) == 0 &&
-                                    pm_layout_equal(&own->layout[0], &other->layout[0]) &&
-                                    pm_layout_equal(&own->layout[1], &other->layout[1])))) {
-            system->port_owner[id] = owner[i];
-            system->port[id] = system->port[owner[i]];
-            system->port_provenance[id] = system->port_provenance[owner[i]];
-            return true;
-        }
-    }
-    return false;
-}
-
-static pm_status load_parts(pm_system *system, const char *weights_dir) {
-    const pm_scene *scene = system->scene;
-    int nowner = 0;
-    int *owner = pm_arena_array(&system->arena, (size_t)scene->nsubsystem, sizeof *owner);
-    if (owner == NULL) {
-        return no_memory();
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (share_part(system, i, owner, nowner)) {
-            PM_TRY(check_part(system, i));
+        if (i >= 0) {
+            system->component[c] = system->component[owner[i]];
+            if (c < nsubsystem) {
+                system->part[c] = system->part[owner[i]];
+                system->part_owner[c] = owner[i];
+            } else {
+                system->port[c - nsubsystem] = system->port[owner[i] - nsubsystem];
+                system->port_owner[c - nsubsystem] = owner[i] - nsubsystem;
+            }
+            PM_TRY(check_model(system, c));
             continue;
         }
-        owner[nowner++] = i;
-        PM_TRY(make_part(system, i));
-        PM_TRY(scene->subsystem[i].model != NULL ? pm_system_declare_part(system, i)
-                                                 : load_part(system, i, weights_dir));
+        owner[nowner++] = c;
+        PM_TRY(make_model(system, c));
+        if (own.model != NULL) {
+            PM_TRY(pm_system_declare(system, c));
+            continue;
+        }
+        const pm_component *made = &system->component[c];
+        const char *path = own.weights, *slash = strrchr(path, '/');
+        if (weights_dir != NULL) { // the file of the same name in that folder
+            path = pm_arena_printf(&system->arena, "%s/%s", weights_dir,
+                                   slash == NULL ? path : slash + 1);
+        }
+        PM_TRY(pm_arena_status(&system->arena, "a system"));
+        const pm_status status = pm_weights_load(path, &system->arena, *made, made->provenance);
+        if (status != PM_OK) {
+            return pm_fail(status, "%s: %s %s: %s", own.weights_at, made->kind->name, own.name,
+                           pm_error());
+        }
+        PM_TRY(check_model(system, c));
     }
     return PM_OK;
 }
 
-static pm_status load_ports(pm_system *system, const char *weights_dir) {
-    const pm_scene *scene = system->scene;
-    int nowner = 0;
-    int *owner = pm_arena_array(&system->arena, (size_t)scene->nport, sizeof *owner);
-    if (owner == NULL) {
-        return no_memory();
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        if (share_port(system, i, owner, nowner)) {
-            PM_TRY(check_port(system, i));
-            continue;
+// --- boundary inputs, coordinates and columns ---
+
+pm_status pm_system_check_boundary_inputs(const pm_system *system) {
+    const pm_physics *physics = &system->scene->physics;
+    for (int k = 0; k < 2 * physics->nport; ++k) {
+        const pm_scene_port *port = &physics->port[k / 2];
+        const int end = k % 2, nexposed = port->layout[end].ngroup;
+        const pm_scene_boundary_input *input =
+            port->boundary_input[end] < 0 ? NULL
+                                          : &physics->boundary_input[port->boundary_input[end]];
+        for (int i = 0; i < nexposed && input != NULL; ++i) {
+            const pm_group *group = &port->layout[end].group[i];
+            const int component = port->component[end][group->first], nz = input->layout.nz;
+            // Every group has a dE; it has a dS only where the scene gives one, which has a place.
+            if (input->value[2 * nz + component].at == NULL &&
+                pm_port_responds(system->port[k / 2], (pm_end)end, group->name)) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: boundary input %s: group \"%s\" needs a \"dS\": port %s "
+                               "exchanges entropy with it",
+                               input->value[nz + component].at, input->name, group->name,
+                               port->name);
+            }
         }
-        owner[nowner++] = i;
-        PM_TRY(make_port(system, i));
-        PM_TRY(scene->port[i].model != NULL ? pm_system_declare_port(system, i)
-                                            : load_port(system, i, weights_dir));
     }
     return PM_OK;
 }
 
-static uint64_t digest_layout(uint64_t digest, const pm_layout *layout) {
-    digest = pm_digest_integer(digest, layout->ngroup);
-    for (int i = 0; i < layout->ngroup; ++i) {
-        digest = pm_digest_text(digest, layout->group[i].name);
-        digest = pm_digest_text(digest, layout->group[i].unit);
-        digest = pm_digest_integer(digest, layout->group[i].size);
-    }
-    return digest;
+// Returns true if both texts are known and differ.
+static bool differ(const char *a, const char *b) {
+    return a != NULL && b != NULL && *a != '\0' && *b != '\0' && strcmp(a, b) != 0;
 }
+
+// Checks that the weights of each port were made in the same coordinates (weights.h) as those of
+// the parts at its ends, as far as both are known.
+static pm_status check_coordinates(const pm_system *system) {
+    const pm_physics *physics = &system->scene->physics;
+    for (int k = 0; k < 2 * physics->nport; ++k) {
+        const pm_scene_port *port = &physics->port[k / 2];
+        const int id = port->subsystem[k % 2];
+        if (id < 0) {
+            continue;
+        }
+        const pm_provenance *own = system->component[physics->nsubsystem + k / 2].provenance;
+        const pm_provenance *other = system->component[id].provenance;
+        if (differ(own->coordinates, other->coordinates)) {
+            return pm_fail(PM_EWEIGHTS,
+                           "%s: port %s: the weights %s are made for %.64s, those of %s, %s, for "
+                           "%.64s",
+                           port->weights_at, port->name, own->path, own->coordinates,
+                           pm_scene_end_name(system->scene, port, k % 2), other->path,
+                           other->coordinates);
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
+                                  const char *path) {
+    const char *own = pm_dataset_find_note(dataset, "coordinates");
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        const pm_provenance *other = system->component[i].provenance;
+        if (differ(own, other->coordinates)) {
+            return pm_fail(
+                PM_EDATA, "%s: made with %.64s; the weights %s of subsystem %s are for %.64s", path,
+                own, other->path, system->scene->physics.subsystem[i].name, other->coordinates);
+        }
+    }
+    return PM_OK;
+}
+
+uint64_t pm_system_columns_digest(const pm_scene_subsystem *subsystem) {
+    if (subsystem->column == NULL) {
+        return 0;
+    }
+    uint64_t digest = PM_DIGEST_INIT;
+    for (int i = 0; i < subsystem->layout.nz; ++i) {
+        digest = pm_digest_text(digest, subsystem->column[i]);
+    }
+    return digest == 0 ? 1 : digest;
+}
+
+const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_arena *arena) {
+    const char *text = "";
+    for (int g = 0; g < subsystem->layout.ngroup && text != NULL; ++g) {
+        if (subsystem->relative_subsystem[g] >= 0) {
+            text = pm_arena_printf(arena, "%s%s%s", text, *text == '\0' ? "" : " ",
+                                   subsystem->layout.group[g].name);
+        }
+    }
+    return text;
+}
+
+// Checks that weights are used where they were trained: no two subsystems have exchanged their
+// weights, and no group has lost or gained relative_to. Weights of a subsystem with other column
+// names pass, since they are reused on purpose. Weights without a record pass too.
+static pm_status check_origin(pm_system *system) {
+    const pm_physics *physics = &system->scene->physics;
+    // One check for exchanged weights serves all subsystems that share them.
+    bool *checked = pm_arena_array(&system->arena, (size_t)physics->nsubsystem, sizeof *checked);
+    PM_TRY(pm_arena_status(&system->arena, "a system"));
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        const pm_provenance *own = system->component[i].provenance;
+        const uint64_t columns = pm_system_columns_digest(subsystem);
+        if (own->columns == 0 || columns == 0) {
+            continue; // not known
+        }
+        if (columns != own->columns) {
+            // Two subsystems have exchanged their weights if the scene has the columns on which
+            // these weights were trained in another subsystem, whose weights were trained on other
+            // columns. Otherwise weights may serve in many places.
+            const bool done = checked[system->part_owner[i]];
+            checked[system->part_owner[i]] = true;
+            for (int k = 0; k < physics->nsubsystem && !done; ++k) {
+                const pm_provenance *other = system->component[k].provenance;
+                if (k != i && other->columns != 0 && other->columns != own->columns &&
+                    pm_system_columns_digest(&physics->subsystem[k]) == own->columns) {
+                    return pm_fail(PM_EWEIGHTS,
+                                   "%s: subsystem %s: the weights %s were trained on the columns "
+                                   "of subsystem %s, which has other weights: are the two "
+                                   "exchanged?",
+                                   subsystem->weights_at, subsystem->name, own->path,
+                                   physics->subsystem[k].name);
+                }
+            }
+            continue;
+        }
+        // The columns have the same names as in training.
+        const char *text = pm_system_relative_groups(subsystem, &system->arena);
+        PM_TRY(pm_arena_status(&system->arena, "a system"));
+        if (strcmp(text, own->relative) != 0) {
+            return pm_fail(PM_EWEIGHTS,
+                           "%s: subsystem %s: the weights %s were trained with relative_to for "
+                           "\"%.200s\", the scene has relative_to for \"%.200s\"",
+                           subsystem->group_at[0], subsystem->name, own->path, own->relative, text);
+        }
+    }
+    return PM_OK;
+}
+
+// --- a system ---
 
 // Computes the digest of all that the processes of a run must agree on. The number of steps is not
 // part of it, since the coordinator announces it. library/setup.h adds the initial state.
 static uint64_t digest_system(const pm_system *system) {
     const pm_scene *scene = system->scene;
     uint64_t digest = pm_digest_text(PM_DIGEST_INIT, scene->name);
-    digest = pm_digest_doubles(digest, &scene->dt, 1);
-    digest = pm_digest_integer(digest, scene->window);
-    digest = pm_digest_integer(digest, scene->checkpoint);
-    digest =
-        pm_digest_doubles(digest, &scene->largest_departure, 1); // beyond which a node ends the run
-    digest = pm_digest_text(digest, scene->integrator->name);
-    digest = pm_digest_integer(digest, scene->substeps);
-    digest = pm_digest_doubles(digest, &scene->tolerance, 1);
-    digest = pm_digest_integer(digest, scene->nsubsystem);
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        digest = pm_digest_text(digest, scene->subsystem[i].name);
-        digest = pm_digest_integer(digest, scene->subsystem[i].process);
-        digest = pm_digest_integer(digest, scene->subsystem[i].substeps);
-        digest = digest_layout(digest, &scene->subsystem[i].layout);
-        digest = pm_digest_integer(digest, (int64_t)system->part_provenance[i]->digest);
+    digest = pm_digest_doubles(digest, &scene->physics.dt, 1);
+    digest = pm_digest_integer(digest, scene->network.window);
+    digest = pm_digest_integer(digest, scene->network.checkpoint);
+    digest = pm_digest_doubles(digest, &scene->run.largest_departure,
+                               1); // beyond which a node ends the run
+    digest = pm_digest_text(digest, scene->physics.integrator->name);
+    digest = pm_digest_integer(digest, scene->physics.substeps);
+    digest = pm_digest_doubles(digest, &scene->physics.tolerance, 1);
+    digest = pm_digest_integer(digest, scene->physics.nsubsystem);
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        digest = pm_digest_text(digest, scene->physics.subsystem[i].name);
+        digest = pm_digest_integer(digest, scene->physics.subsystem[i].process);
+        digest = pm_layout_digest(&scene->physics.subsystem[i].layout, digest);
+        digest = pm_digest_integer(digest, (int64_t)system->component[i].provenance->digest);
         if (system->mesh[i] != NULL) {
             digest = pm_solid_mesh_digest(system->mesh[i], digest);
         }
     }
-    digest = pm_digest_integer(digest, scene->nport);
-    for (int i = 0; i < scene->nport; ++i) {
-        const pm_scene_port *port = &scene->port[i];
+    digest = pm_digest_integer(digest, scene->physics.nport);
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        const pm_scene_port *port = &scene->physics.port[i];
         digest = pm_digest_text(digest, port->name);
         digest = pm_digest_text(digest, port->law);
         for (int end = 0; end < 2; ++end) {
             digest = pm_digest_text(digest, pm_scene_end_name(scene, port, end));
-            digest = digest_layout(digest, &port->layout[end]);
+            digest = pm_layout_digest(&port->layout[end], digest);
         }
-        digest = pm_digest_integer(digest, (int64_t)system->port_provenance[i]->digest);
+        digest = pm_digest_integer(
+            digest, (int64_t)system->component[scene->physics.nsubsystem + i].provenance->digest);
     }
     return digest;
 }
@@ -332,29 +470,27 @@ static uint64_t digest_system(const pm_system *system) {
 static pm_status new_system(pm_system **result, const pm_scene *scene) {
     pm_system *system = calloc(1, sizeof *system);
     if (system == NULL) {
-        return no_memory();
+        return pm_fail(PM_ENOMEM, "out of memory for a system");
     }
-    const size_t npart = (size_t)scene->nsubsystem, nport = (size_t)scene->nport;
+    const size_t npart = (size_t)scene->physics.nsubsystem, nport = (size_t)scene->physics.nport;
     pm_arena *arena = &system->arena;
     system->scene = scene;
+    system->component = pm_arena_array(arena, npart + nport, sizeof *system->component);
     system->part = pm_arena_array(arena, npart, sizeof *system->part);
     system->port = pm_arena_array(arena, nport, sizeof *system->port);
-    system->part_provenance = pm_arena_array(arena, npart, sizeof *system->part_provenance);
-    system->port_provenance = pm_arena_array(arena, nport, sizeof *system->port_provenance);
     system->part_owner = pm_arena_array(arena, npart, sizeof *system->part_owner);
     system->port_owner = pm_arena_array(arena, nport, sizeof *system->port_owner);
     system->mesh = pm_arena_array(arena, npart, sizeof *system->mesh);
-    if (system->part == NULL || system->port == NULL || system->part_provenance == NULL ||
-        system->port_provenance == NULL || system->part_owner == NULL ||
-        system->port_owner == NULL || system->mesh == NULL) {
+    const pm_status status = pm_arena_status(arena, "a system");
+    if (status != PM_OK) {
         pm_arena_free(arena);
         free(system);
-        return no_memory();
+        return status;
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         system->part_owner[i] = i;
     }
-    for (int i = 0; i < scene->nport; ++i) {
+    for (int i = 0; i < scene->physics.nport; ++i) {
         system->port_owner[i] = i;
     }
     *result = system;
@@ -365,11 +501,8 @@ pm_status pm_system_new(pm_system **result, const pm_scene *scene) {
     pm_status status;
     pm_system *system = NULL;
     PM_TRY_DONE(new_system(&system, scene));
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        PM_TRY_DONE(make_part(system, i));
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        PM_TRY_DONE(make_port(system, i));
+    for (int c = 0; c < pm_system_components(system); ++c) {
+        PM_TRY_DONE(make_model(system, c));
     }
     *result = system;
     system = NULL;
@@ -378,47 +511,14 @@ done:
     return status;
 }
 
-static pm_status check_boundary_input(const pm_scene *scene, const pm_port_model *model,
-                                      const pm_scene_port *port, int end) {
-    const pm_scene_boundary_input *boundary_input =
-        &scene->boundary_input[port->boundary_input[end]];
-    for (int i = 0; i < port->layout[end].ngroup; ++i) {
-        const pm_group *group = &port->layout[end].group[i];
-        const int component = port->component[end][group->first];
-        // Every group has a dE; it has a dS only where the scene gives one, which then has a place.
-        if (boundary_input->value[2 * boundary_input->layout.nz + component].at == NULL &&
-            pm_port_responds(model, (pm_end)end, group->name)) {
-            return pm_fail(
-                PM_ECONFIG,
-                "%s: boundary input %s: group \"%s\" needs a \"dS\": port %s exchanges entropy "
-                "with it",
-                boundary_input->value[boundary_input->layout.nz + component].at,
-                boundary_input->name, group->name, port->name);
-        }
-    }
-    return PM_OK;
-}
-
-pm_status pm_system_check_boundary_inputs(const pm_system *system) {
-    const pm_scene *scene = system->scene;
-    for (int i = 0; i < 2 * scene->nport; ++i) {
-        const pm_scene_port *port = &scene->port[i / 2];
-        if (port->boundary_input[i % 2] >= 0) {
-            PM_TRY(check_boundary_input(scene, system->port[i / 2], port, i % 2));
-        }
-    }
-    return PM_OK;
-}
-
 pm_status pm_system_load(pm_system **result, const pm_scene *scene, const char *weights_dir) {
     pm_status status;
     pm_system *system = NULL;
     PM_TRY_DONE(new_system(&system, scene));
-    PM_TRY_DONE(load_parts(system, weights_dir));
-    PM_TRY_DONE(load_ports(system, weights_dir));
+    PM_TRY_DONE(load_models(system, weights_dir));
     PM_TRY_DONE(pm_system_check_boundary_inputs(system));
-    PM_TRY_DONE(pm_system_check_coordinates(system));
-    PM_TRY_DONE(pm_system_check_origin(system));
+    PM_TRY_DONE(check_coordinates(system));
+    PM_TRY_DONE(check_origin(system));
     system->digest = digest_system(system);
     *result = system;
     system = NULL;
@@ -431,12 +531,12 @@ void pm_system_free(pm_system *system) {
     if (system == NULL) {
         return;
     }
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
         if (system->part_owner[i] == i && system->part[i] != NULL) {
             pm_part_free(system->part[i]);
         }
     }
-    for (int i = 0; i < system->scene->nport; ++i) {
+    for (int i = 0; i < system->scene->physics.nport; ++i) {
         if (system->port_owner[i] == i && system->port[i] != NULL) {
             pm_port_free(system->port[i]);
         }
@@ -446,24 +546,22 @@ void pm_system_free(pm_system *system) {
 }
 
 int pm_system_components(const pm_system *system) {
-    return system->scene->nsubsystem + system->scene->nport;
+    return system->scene->physics.nsubsystem + system->scene->physics.nport;
 }
 
 pm_params *pm_system_params(const pm_system *system, int component) {
-    const int nsubsystem = system->scene->nsubsystem;
-    return component < nsubsystem ? &system->part[component]->params
-                                  : &system->port[component - nsubsystem]->params;
+    return system->component[component].params;
 }
 
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end) {
-    const pm_scene_port *scene = &system->scene->port[port];
+    const pm_scene_port *scene = &system->scene->physics.port[port];
     return scene->subsystem[end] >= 0
                ? pm_part_has_entropy(system->part[scene->subsystem[end]])
-               : system->scene->boundary_input[scene->boundary_input[end]].entropy;
+               : system->scene->physics.boundary_input[scene->boundary_input[end]].entropy;
 }
 
 int pm_system_without_energy(const pm_system *system) {
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
         if (!pm_part_has_energy(system->part[i])) {
             return i;
         }
@@ -473,10 +571,11 @@ int pm_system_without_energy(const pm_system *system) {
 
 void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
     const pm_scene *scene = system->scene;
-    memset(component, 0, (size_t)scene->subsystem[subsystem].layout.nz * sizeof *component);
-    for (int n = scene->first_end[subsystem]; n < scene->first_end[subsystem + 1]; ++n) {
-        const int i = scene->end_at[n];
-        const pm_scene_port *port = &scene->port[i / 2];
+    memset(component, 0, (size_t)scene->physics.subsystem[subsystem].layout.nz * sizeof *component);
+    for (int n = scene->physics.first_end[subsystem]; n < scene->physics.first_end[subsystem + 1];
+         ++n) {
+        const int i = scene->physics.end_at[n];
+        const pm_scene_port *port = &scene->physics.port[i / 2];
         const pm_end end = (pm_end)(i % 2);
         const pm_layout *layout = &port->layout[end];
         for (int k = 0; k < layout->ngroup; ++k) {

@@ -19,16 +19,14 @@
 typedef struct pm_system {
     const pm_scene *scene; // borrowed
     pm_arena arena;
-    // The models of all components and what is known of their weights (path NULL: there are none).
-    // Components with the same model share one that belongs to the first of them, their owner. A
-    // component has a model of its own where no other has the same, and in a system that
-    // pm_system_load did not make.
-    pm_part **part;                  // [scene->nsubsystem]
-    pm_port_model **port;            // [scene->nport]
-    pm_provenance **part_provenance; // [nsubsystem]
-    pm_provenance **port_provenance; // [nport]
-    // The owner of the model of each subsystem and port.
-    int *part_owner;            // [nsubsystem]
+    // The models of all subsystems, then of all ports, and what is known of their weights
+    // (provenance with path NULL: there are none). Components with the same model share one that
+    // belongs to the first of them, their owner. A component has a model of its own where no other
+    // has the same, and in a system that pm_system_load did not make.
+    pm_component *component;    // [nsubsystem + nport]
+    pm_part **part;             // [nsubsystem] the same models as what they are
+    pm_port_model **port;       // [nport]
+    int *part_owner;            // [nsubsystem] the subsystem that owns the model of each
     int *port_owner;            // [nport]
     const pm_solid_mesh **mesh; // [nsubsystem] of each solid; NULL: the subsystem is no solid
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.
@@ -38,23 +36,23 @@ typedef struct pm_system {
 // Declares every known model of the scene and loads every weights file that it names; if
 // `weights_dir` is not NULL, it loads the file of the same name from that folder instead. `scene`
 // is borrowed; the caller frees the system. PM_EWEIGHTS: layouts, law, coordinates or steps of the
-// weights differ from the scene's. PM_ECONFIG: a known model or a boundary input is incomplete.
-// PM_EFILE, PM_ENOMEM. Messages begin with the place in the scene.
+// weights differ from the scene's; two subsystems have exchanged their weights; or the groups of a
+// solid are not those of its mesh. PM_ECONFIG: a known model or a boundary input is incomplete, or
+// a subsystem has a mesh and is no solid. PM_EDATA, PM_EFILE, PM_ENOMEM. Messages begin with the
+// place in the scene.
 pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
 // Makes a system for training, with the scene's layouts. The caller sets specs and parameters.
 // PM_ENOMEM.
 pm_status pm_system_new(pm_system **system, const pm_scene *scene);
 void pm_system_free(pm_system *system); // NULL is allowed
 
-// Declare the known model of one subsystem or port, for a caller that sets the other models itself.
-// PM_ECONFIG, PM_ENOMEM.
-pm_status pm_system_declare_part(pm_system *system, int id);
-pm_status pm_system_declare_port(pm_system *system, int id);
-
-// Components are all parts followed by all ports. The first function returns their number. The
-// second one returns the parameters of one component, which the system owns.
+// Return the number of components, and the parameters of one, which the system owns.
 int pm_system_components(const pm_system *system);
 pm_params *pm_system_params(const pm_system *system, int component);
+
+// Declares the known model of one component, for a caller that sets the other models itself.
+// PM_ECONFIG, PM_ENOMEM.
+pm_status pm_system_declare(pm_system *system, int component);
 
 // Sets component[c] for each component c of a subsystem's state: true if the irreversible exchange
 // of some port acts on it (model/prediction.h). component: [nz].
@@ -66,9 +64,6 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
 // specs itself calls it afterwards.
 pm_status pm_system_check_boundary_inputs(const pm_system *system);
 
-// Checks that the weights of each port were made in the same coordinates (weights.h) as those of
-// the parts at its ends, as far as both are known. PM_EWEIGHTS. pm_system_load calls it.
-pm_status pm_system_check_coordinates(const pm_system *system);
 // Checks that the weights of the parts were made in the coordinates that the note `coordinates` of
 // a dataset names, as far as both are known. `path` names the dataset in the message. PM_EDATA.
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
@@ -80,18 +75,6 @@ pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dat
 // memory).
 uint64_t pm_system_columns_digest(const pm_scene_subsystem *subsystem);
 const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_arena *arena);
-// Checks that weights are used where they were trained: no two subsystems have exchanged their
-// weights, and no group has lost or gained relative_to. Weights of a subsystem with other column
-// names pass, since they are reused on purpose. Weights without a record pass too. PM_EWEIGHTS.
-// pm_system_load calls this function.
-pm_status pm_system_check_origin(pm_system *system);
-
-// Gives a solid the layout of its subsystem, and loads its mesh. PM_EWEIGHTS: the groups of the
-// state are not those of a solid on this mesh, or the scene names no mesh. PM_ECONFIG: the scene
-// names a mesh, and the weights are no solid's. PM_EDATA, PM_EFILE, PM_ENOMEM. pm_system_load calls
-// this function for every solid.
-pm_status pm_system_load_solid(pm_system *system, int id);
-
 // Returns true if the values that one end of a port shows include a dS.
 bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
 

@@ -19,16 +19,13 @@
 
 #include <stdint.h>
 
-#include "base/arena.h"
-#include "base/status.h"
-#include "model/part.h"
-#include "model/port.h"
+#include "scene/component.h"
 
 #define PM_MOST_SEEN 7000 // digests of trajectories: an attribute of HDF5 cannot hold more
 
 // The origin of weights. The caller owns the texts when it saves; they live in the arena after
 // loading.
-typedef struct pm_provenance {
+struct pm_provenance {
     const char *path;    // of the file; set by loading, ignored by saving
     const char *command; // that made the weights
     const char *data;    // on which they were trained
@@ -53,28 +50,20 @@ typedef struct pm_provenance {
     double loss;
     double seconds;  // time of training
     uint64_t digest; // of the content; ignored by saving, checked and set by loading
-} pm_provenance;
+};
 
-// Load a model from a file: its spec and layouts, the parameters that these require
-// (pm_part_declare, pm_port_declare), and their values. On failure the model and `provenance` are
-// untouched. PM_EWEIGHTS: the file is missing, truncated or not a weights file, or has another
-// version or kind; a parameter of the model is missing, a parameter in the file is none of the
-// model's, or a value is not finite; or the digest differs. PM_ENOMEM. The caller frees the model
-// (pm_part_free, pm_port_free); spec, layouts and provenance live in the arena.
-pm_status pm_weights_load_part(const char *path, pm_arena *arena, pm_part *part,
-                               pm_provenance *provenance);
-pm_status pm_weights_load_port(const char *path, pm_arena *arena, pm_port_model *port,
-                               pm_provenance *provenance);
+// Loads a model from a file: its spec and layouts, the parameters that these require, and their
+// values. On failure the model and `provenance` are untouched. PM_EWEIGHTS: the file is missing,
+// truncated or not a weights file, or has another version or kind; a parameter of the model is
+// missing, a parameter in the file is none of the model's, or a value is not finite; or the digest
+// differs. PM_ENOMEM. The caller frees the model (pm_part_free, pm_port_free); spec, layouts and
+// provenance live in the arena.
+pm_status pm_weights_load(const char *path, pm_arena *arena, pm_component component,
+                          pm_provenance *provenance);
 
-// Compute the digest that a file of this model would have. PM_ENOMEM.
-pm_status pm_weights_digest_part(const pm_part *part, uint64_t *digest);
-pm_status pm_weights_digest_port(const pm_port_model *port, uint64_t *digest);
-
-// Save a model; an existing file is replaced. PM_EFILE, PM_EWEIGHTS (a value is not finite),
+// Saves a model; an existing file is replaced. PM_EFILE, PM_EWEIGHTS (a value is not finite),
 // PM_ENOMEM.
-pm_status pm_weights_save_part(const char *path, const pm_part *part,
-                               const pm_provenance *provenance);
-pm_status pm_weights_save_port(const char *path, const pm_port_model *port,
-                               const pm_provenance *provenance);
+pm_status pm_weights_save(const char *path, pm_component component,
+                          const pm_provenance *provenance);
 
 #endif

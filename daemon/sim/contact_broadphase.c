@@ -57,19 +57,18 @@ void pm_contact_broadphase_forget(pm_contact_broadphase *b) {
 
 // --- enclosing ---
 
-// Returns true if the covector (NULL: zero) vanishes in all unconstrained components.
-static bool is_flat(const pm_contact_broadphase *b, const double *covector) {
-    for (int c = 0; covector != NULL && c < b->nz; ++c) {
-        if (b->unconstrained[c] && covector[c] != 0) {
-            return false;
-        }
+void pm_contact_broadphase_enclose(pm_contact_broadphase *b, const double *z, const double *dE,
+                                   const double *rate) {
+    b->enclosed = false;
+    bool touches = b->unconstrained == NULL;
+    for (int c = 0; c < b->nz && dE != NULL && !touches; ++c) {
+        touches = b->unconstrained[c] && dE[c] != 0;
     }
-    return true;
-}
-
-// Sets the width of a box that lasts one second.
-static void fill_width(pm_contact_broadphase *b, const double *rate) {
-    for (int i = 0; i < b->layout->ngroup; ++i) {
+    if (touches) {
+        return;
+    }
+    memcpy(b->program_z, z, (size_t)b->nz * sizeof *z);
+    for (int i = 0; i < b->layout->ngroup; ++i) { // the width of a box that lasts one second
         const pm_group *group = &b->layout->group[i];
         double fastest = 0;
         for (int c = group->first; rate != NULL && c < group->first + group->size; ++c) {
@@ -79,34 +78,19 @@ static void fill_width(pm_contact_broadphase *b, const double *rate) {
             b->width[c] = rate == NULL ? 1 : fmax(fabs(rate[c]), ASIDE * fastest);
         }
     }
-}
-
-// Returns the smallest opening / spread in a box that lasts for this duration (s); 0 if a pair
-// touches.
-static double least_ratio(pm_contact_broadphase *b, double duration) {
-    double least = INFINITY;
-    for (int c = 0; c < b->nz; ++c) {
-        b->program_width[c] = duration * b->width[c];
-    }
-    pm_program_run(b->program, 1);
-    for (int i = 0; i < b->n; ++i) {
-        const double ratio = b->value[i] / b->spread[i];
-        least = ratio >= least ? least : ratio; // NaN too
-    }
-    return least > 0 ? least : 0;
-}
-
-void pm_contact_broadphase_enclose(pm_contact_broadphase *b, const double *z, const double *dE,
-                                   const double *rate) {
-    b->enclosed = false;
-    if (b->unconstrained == NULL || !is_flat(b, dE)) {
-        return;
-    }
-    memcpy(b->program_z, z, (size_t)b->nz * sizeof *z);
-    fill_width(b, rate);
     double duration = b->duration;
     for (int i = 0; i < MOST_TRIES && isnormal(duration); ++i) {
-        const double ratio = least_ratio(b, duration);
+        // The smallest opening / spread in a box that lasts for this duration; 0 if a pair touches.
+        double ratio = INFINITY;
+        for (int c = 0; c < b->nz; ++c) {
+            b->program_width[c] = duration * b->width[c];
+        }
+        pm_program_run(b->program, 1);
+        for (int k = 0; k < b->n; ++k) {
+            const double own = b->value[k] / b->spread[k];
+            ratio = own >= ratio ? ratio : own; // NaN too
+        }
+        ratio = ratio > 0 ? ratio : 0;
         if (ratio > ENOUGH && (i > 0 || ratio < 2)) {
             b->enclosed = true;
             b->duration = duration;

@@ -25,48 +25,41 @@
 
 bool pm_contact_gap_is(const pm_system *system, int id) {
     const pm_scene *scene = system->scene;
-    for (int i = 0; i < scene->nport; ++i) {
-        const int body = scene->port[i].subsystem[PM_END_A];
-        if (scene->port[i].subsystem[PM_END_B] == id && body >= 0 &&
-            strcmp(scene->port[i].law, "contact") == 0 && system->part[body]->spec.solid != NULL) {
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        const int body = scene->physics.port[i].subsystem[PM_END_A];
+        if (scene->physics.port[i].subsystem[PM_END_B] == id && body >= 0 &&
+            strcmp(scene->physics.port[i].law, "contact") == 0 &&
+            pm_part_kind_of(system->part[body]) == PM_PART_SOLID) {
             return true;
         }
     }
     return false;
 }
 
-// Finds the temperature of the entropy s, dE/ds; 0: there is none.
-static double temperature_of(const pm_part *part) {
+pm_status pm_contact_gap_open(pm_contact_gap *gap, pm_arena *arena, const pm_system *system,
+                              int id) {
+    const pm_part *part = system->part[id];
+    const pm_physics *physics = &system->scene->physics;
     const pm_potential_spec *energy = &part->spec.energy;
-    const pm_group *group = pm_layout_find(&part->layout, "s");
-    for (int i = 0; i < energy->ngiven && group != NULL && group->size == 1; ++i) {
+    const pm_group *entropy = pm_layout_find(&part->layout, "s");
+    *gap = (pm_contact_gap){.nz = part->layout.nz};
+    for (int i = 0; i < energy->ngiven && entropy != NULL && entropy->size == 1; ++i) {
         if (strcmp(energy->given[i], "s") == 0) {
-            return energy->given_coefficient == NULL ? 1 : energy->given_coefficient[i];
+            gap->temperature = energy->given_coefficient == NULL ? 1 : energy->given_coefficient[i];
+            gap->s = entropy->first;
         }
     }
-    return 0;
-}
-
-// Lists the components on which ports act.
-static void list_components(pm_contact_gap *gap, const pm_system *system, int id) {
-    const pm_scene *scene = system->scene;
-    for (int i = 0; i < scene->nport; ++i) {
-        for (int k = 0; scene->port[i].subsystem[PM_END_B] == id &&
-                        k < scene->port[i].layout[PM_END_B].nz && gap->n < gap->nz;
-             ++k) {
-            gap->component[gap->n++] = scene->port[i].component[PM_END_B][k];
-        }
+    if (!(gap->temperature > 0) || part->spec.irreversible.ngiven > 0) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: the gap %s beside a solid needs an entropy s that takes up heat, and "
+                       "no irreversible operator",
+                       physics->subsystem[id].at, physics->subsystem[id].name);
     }
-}
-
-static pm_status open_memory(pm_contact_gap *gap, pm_arena *arena) {
     const size_t n = (size_t)gap->nz, krylov = KRYLOV + 1;
     const size_t count = (9 + 2 * PM_CONTACT_GAP_PAIRS + 5 + krylov) * n;
     double *at = pm_arena_array(arena, count, sizeof *at);
     gap->component = pm_arena_array(arena, n, sizeof *gap->component);
-    if (at == NULL || gap->component == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a gap");
-    }
+    PM_TRY(pm_arena_status(arena, "a gap"));
     double **const array[] = {&gap->dE, &gap->dS,     &gap->response, &gap->start,      &gap->e0,
                               &gap->e,  &gap->answer, &gap->last_e,   &gap->last_answer};
     for (size_t i = 0; i < sizeof array / sizeof *array; ++i) {
@@ -76,23 +69,13 @@ static pm_status open_memory(pm_contact_gap *gap, pm_arena *arena) {
     gap->change_e = at;
     gap->change_y = at + PM_CONTACT_GAP_PAIRS * n;
     gap->work = at + 2 * PM_CONTACT_GAP_PAIRS * n;
-    return PM_OK;
-}
-
-pm_status pm_contact_gap_open(pm_contact_gap *gap, pm_arena *arena, const pm_system *system,
-                              int id) {
-    const pm_part *part = system->part[id];
-    const pm_scene_subsystem *scene = &system->scene->subsystem[id];
-    *gap = (pm_contact_gap){.nz = part->layout.nz, .temperature = temperature_of(part)};
-    if (!(gap->temperature > 0) || part->spec.irreversible.ngiven > 0) {
-        return pm_fail(PM_ECONFIG,
-                       "%s: the gap %s beside a solid needs an entropy s that takes up heat, and "
-                       "no irreversible operator",
-                       scene->at, scene->name);
+    for (int i = 0; i < physics->nport; ++i) { // on which components do ports act?
+        const pm_scene_port *port = &physics->port[i];
+        const int ny = port->subsystem[PM_END_B] == id ? port->layout[PM_END_B].nz : 0;
+        for (int k = 0; k < ny && gap->n < gap->nz; ++k) {
+            gap->component[gap->n++] = port->component[PM_END_B][k];
+        }
     }
-    gap->s = pm_layout_find(&part->layout, "s")->first;
-    PM_TRY(open_memory(gap, arena));
-    list_components(gap, system, id);
     return PM_OK;
 }
 
@@ -155,25 +138,6 @@ void pm_contact_gap_begin(pm_contact_gap *gap, const double *z) {
     gap->change = INFINITY;
 }
 
-// Computes the weights of e0 and e1, of which the work is work[0] and work[1] J, in the force with
-// which ports book their power. `gain` is what the pairs store, J.
-static void weigh(const double work[2], double gain, double weight[2]) {
-    const double missing = gain - (work[0] + work[1]) / 2;
-    const double size = work[0] * work[0] + work[1] * work[1];
-    weight[0] = weight[1] = 0.5;
-    if (!(missing > 0) || !(size > 0)) {
-        return;
-    }
-    if (work[1] >= gain) { // as always if the energy is convex
-        weight[1] = (gain - work[0]) / (work[1] - work[0]);
-        weight[0] = 1 - weight[1];
-        return;
-    }
-    for (int i = 0; i < 2; ++i) {
-        weight[i] += missing * work[i] / size;
-    }
-}
-
 void pm_contact_gap_expose(pm_contact_gap *gap, const double *z) {
     const double now = store(gap, z), gain = now - gap->stored0;
     double work[2] = {0}; // of e0 and of e1
@@ -185,8 +149,17 @@ void pm_contact_gap_expose(pm_contact_gap *gap, const double *z) {
         work[0] += gap->e0[i] * (z[c] - gap->start[c]);
         work[1] += gap->e[i] * (z[c] - gap->start[c]);
     }
-    double weight[2];
-    weigh(work, gain, weight);
+    // The weights of e0 and e1 in the force with which ports book their power.
+    double weight[2] = {0.5, 0.5};
+    const double missing = gain - (work[0] + work[1]) / 2;
+    const double size = work[0] * work[0] + work[1] * work[1];
+    if (missing > 0 && size > 0 && work[1] >= gain) { // as always if the energy is convex
+        weight[1] = (gain - work[0]) / (work[1] - work[0]);
+        weight[0] = 1 - weight[1];
+    } else if (missing > 0 && size > 0) {
+        weight[0] += missing * work[0] / size;
+        weight[1] += missing * work[1] / size;
+    }
     for (int i = 0; i < gap->n; ++i) {
         const int c = gap->component[i];
         gap->dE[c] = weight[0] * gap->e0[i] + weight[1] * gap->e[i];
@@ -200,23 +173,6 @@ void pm_contact_gap_expose(pm_contact_gap *gap, const double *z) {
 }
 
 // --- the compliance of the bodies ---
-
-static void keep_pair(pm_contact_gap *gap) {
-    const int n = gap->n;
-    const size_t size = (size_t)n * sizeof(double);
-    if (gap->count == PM_CONTACT_GAP_PAIRS) {
-        memmove(gap->change_e, gap->change_e + n, (size_t)(gap->count - 1) * size);
-        memmove(gap->change_y, gap->change_y + n, (size_t)(gap->count - 1) * size);
-        --gap->count;
-    }
-    double *de = gap->change_e + (ptrdiff_t)gap->count * n;
-    double *dy = gap->change_y + (ptrdiff_t)gap->count * n;
-    for (int i = 0; i < n; ++i) {
-        de[i] = gap->e[i] - gap->last_e[i];
-        dy[i] = gap->last_answer[i] - gap->answer[i];
-    }
-    gap->count += dot(n, de, dy) > 0 && largest(n, dy) > AGREED_TRAVEL * largest(n, gap->answer);
-}
 
 // Replaces x [n], changes of e, by C x; `scale` is the compliance in directions of which nothing is
 // known.
@@ -284,42 +240,6 @@ static void differentiate(const gap_equation *q, double length, const double *v,
     }
 }
 
-// Solves the triangular system of GMRES and sums up the move.
-static void add_up(const gap_equation *q, int count, double H[KRYLOV + 1][KRYLOV],
-                   const double *right) {
-    const int n = q->gap->n;
-    double y[KRYLOV];
-    memset(q->move, 0, (size_t)n * sizeof *q->move);
-    for (int k = count - 1; k >= 0; --k) {
-        y[k] = right[k];
-        for (int j = k + 1; j < count; ++j) {
-            y[k] -= H[k][j] * y[j];
-        }
-        y[k] /= H[k][k];
-        for (int i = 0; i < n; ++i) {
-            q->move[i] += y[k] * q->krylov[(ptrdiff_t)k * n + i];
-        }
-    }
-}
-
-// Makes vector k + 1 orthogonal to those before it, and column k of H.
-static double orthogonalise(const gap_equation *q, int k, double H[KRYLOV + 1][KRYLOV]) {
-    const int n = q->gap->n;
-    double *next = q->krylov + (ptrdiff_t)(k + 1) * n;
-    for (int j = 0; j <= k; ++j) {
-        const double *v = q->krylov + (ptrdiff_t)j * n;
-        H[j][k] = dot(n, v, next);
-        for (int i = 0; i < n; ++i) {
-            next[i] -= H[j][k] * v[i];
-        }
-    }
-    const double norm = sqrt(dot(n, next, next));
-    for (int i = 0; i < n && norm > 0; ++i) {
-        next[i] /= norm;
-    }
-    return H[k + 1][k] = norm;
-}
-
 // Computes q->move, which would make the residual of norm `norm` zero if dE/dx were linear.
 static void find_move(const gap_equation *q, double length, double norm) {
     const int n = q->gap->n;
@@ -330,7 +250,20 @@ static void find_move(const gap_equation *q, double length, double norm) {
     }
     for (; k < KRYLOV && fabs(right[k]) > KRYLOV_END * norm; ++k) {
         differentiate(q, length, q->krylov + (ptrdiff_t)k * n, q->krylov + (ptrdiff_t)(k + 1) * n);
-        orthogonalise(q, k, H);
+        // Makes vector k + 1 orthogonal to those before it, and column k of H.
+        double *next = q->krylov + (ptrdiff_t)(k + 1) * n;
+        for (int j = 0; j <= k; ++j) {
+            const double *v = q->krylov + (ptrdiff_t)j * n;
+            H[j][k] = dot(n, v, next);
+            for (int i = 0; i < n; ++i) {
+                next[i] -= H[j][k] * v[i];
+            }
+        }
+        const double length_of_next = sqrt(dot(n, next, next));
+        for (int i = 0; i < n && length_of_next > 0; ++i) {
+            next[i] /= length_of_next;
+        }
+        H[k + 1][k] = length_of_next;
         for (int j = 0; j < k; ++j) {
             const double upper = c[j] * H[j][k] + s[j] * H[j + 1][k];
             H[j + 1][k] = c[j] * H[j + 1][k] - s[j] * H[j][k];
@@ -343,7 +276,19 @@ static void find_move(const gap_equation *q, double length, double norm) {
         right[k + 1] = -s[k] * right[k];
         right[k] *= c[k];
     }
-    add_up(q, k, H, right);
+    // Solves the triangular system and sums up the move.
+    double y[KRYLOV];
+    memset(q->move, 0, (size_t)n * sizeof *q->move);
+    for (int i = k - 1; i >= 0; --i) {
+        y[i] = right[i];
+        for (int j = i + 1; j < k; ++j) {
+            y[i] -= H[i][j] * y[j];
+        }
+        y[i] /= H[i][i];
+        for (int j = 0; j < n; ++j) {
+            q->move[j] += y[i] * q->krylov[(ptrdiff_t)i * n + j];
+        }
+    }
 }
 
 // Moves q->x by the move, less far while the residual does not fall. Returns the new norm.
@@ -399,30 +344,38 @@ static void solve(gap_equation *q) {
     }
 }
 
-// Returns true if the forces at the answer are those that the gap shows.
-static bool is_agreed(const gap_equation *q) {
-    const pm_contact_gap *gap = q->gap;
-    double change = 0, distance = 0;
-    evaluate(q->gap, gap->answer, q->e);
-    for (int i = 0; i < gap->n; ++i) {
-        change = fmax(change, fabs(q->e[i] - gap->e[i]));
-        distance = fmax(distance, fabs(gap->answer[i] - q->x[i]));
-    }
-    return change <= AGREED * largest(gap->n, gap->e) ||
-           distance <= AGREED_TRAVEL * largest(gap->n, q->x);
-}
-
 // Computes the next travel q->x from the answer of the bodies to the forces gap->e.
 static void answer(gap_equation *q) {
     pm_contact_gap *gap = q->gap;
     const size_t size = (size_t)gap->n * sizeof(double);
-    if (gap->heard) {
-        keep_pair(gap);
+    if (gap->heard) { // keeps the pair of changes
+        const int n = gap->n;
+        if (gap->count == PM_CONTACT_GAP_PAIRS) {
+            memmove(gap->change_e, gap->change_e + n, (size_t)(gap->count - 1) * size);
+            memmove(gap->change_y, gap->change_y + n, (size_t)(gap->count - 1) * size);
+            --gap->count;
+        }
+        double *de = gap->change_e + (ptrdiff_t)gap->count * n;
+        double *dy = gap->change_y + (ptrdiff_t)gap->count * n;
+        for (int i = 0; i < n; ++i) {
+            de[i] = gap->e[i] - gap->last_e[i];
+            dy[i] = gap->last_answer[i] - gap->answer[i];
+        }
+        gap->count +=
+            dot(n, de, dy) > 0 && largest(n, dy) > AGREED_TRAVEL * largest(n, gap->answer);
     }
     memcpy(gap->last_e, gap->e, size);
     memcpy(gap->last_answer, gap->answer, size);
     gap->heard = true;
-    gap->settled = is_agreed(q);
+    // The bodies agree with the gap if the forces at their answer are those that it shows.
+    double change = 0, distance = 0;
+    evaluate(gap, gap->answer, q->e);
+    for (int i = 0; i < gap->n; ++i) {
+        change = fmax(change, fabs(q->e[i] - gap->e[i]));
+        distance = fmax(distance, fabs(gap->answer[i] - q->x[i]));
+    }
+    gap->settled = change <= AGREED * largest(gap->n, gap->e) ||
+                   distance <= AGREED_TRAVEL * largest(gap->n, q->x);
     if (gap->settled) {
         memcpy(q->x, gap->answer, size);
     } else {

@@ -44,9 +44,28 @@ static inline void note(int row, const vector *now, const vector *before, bits *
     *renewed |= (bits)((bits)*now != (bits)*before) & ((uint64_t)1 << (row & 63));
 }
 
+bool pm_renew(double *to, const double *from, int n) {
+    const size_t size = (size_t)n * sizeof *to;
+    if (to == NULL || from == NULL || memcmp(to, from, size) == 0) {
+        return false;
+    }
+    memcpy(to, from, size);
+    return true;
+}
+
+// Replaces row `row` of a single lane. Returns its bit if the number has got other bits.
+static inline uint64_t renew_one(int row, double now, double before, double *to) {
+    *to = now;
+    return (uint64_t)(bits_of(now) != bits_of(before)) << (row & 63);
+}
+
 PM_SIMD_CLONES void pm_lanes_renew(int rows, int lanes, const double *now, double *before,
                                    uint64_t *renewed) {
-    for (int v = 0; v < lanes; v += PM_LANES) {
+    *renewed = 0;
+    for (int r = 0; r < rows && lanes == 1; ++r) {
+        *renewed |= renew_one(r, now[r], before[r], &before[r]);
+    }
+    for (int v = 0; v < lanes && lanes > 1; v += PM_LANES) {
         bits mask = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
@@ -63,7 +82,15 @@ PM_SIMD_CLONES void pm_lanes_renew(int rows, int lanes, const double *now, doubl
 PM_SIMD_CLONES void pm_lanes_combine(int rows, int lanes, int count, const double *weight, double h,
                                      const double *z, const double *k, int64_t stride,
                                      const double *before, double *to, uint64_t *renewed) {
-    for (int v = 0; v < lanes; v += PM_LANES) {
+    *renewed = 0;
+    for (int r = 0; r < rows && lanes == 1; ++r) {
+        double sum = 0;
+        for (int i = 0; i < count; ++i) {
+            sum += weight[i] * k[i * stride + r];
+        }
+        *renewed |= renew_one(r, z[r] + h * sum, before[r], &to[r]);
+    }
+    for (int v = 0; v < lanes && lanes > 1; v += PM_LANES) {
         bits mask = {0};
         for (int r = 0; r < rows; ++r) {
             const ptrdiff_t at = (ptrdiff_t)r * lanes + v;
@@ -85,6 +112,17 @@ PM_SIMD_CLONES void pm_lanes_combine(int rows, int lanes, int count, const doubl
 // Adds the sums of one co-vector times the rates, and of their magnitudes.
 PM_SIMD_CLONES static void book_one(int rows, int lanes, double weight, bool anew, const double *e,
                                     const double *rate, double *flux, double *gross) {
+    if (lanes == 1) {
+        double sum = 0, magnitude = 0;
+        for (int r = 0; r < rows; ++r) {
+            const double term = weight * (e[r] * rate[r]);
+            sum += term;
+            magnitude += fabs(term);
+        }
+        *flux = (anew ? 0 : *flux) + sum;
+        *gross = (anew ? 0 : *gross) + magnitude;
+        return;
+    }
     for (int v = 0; v < lanes; v += PM_LANES) {
         vector sum = {0}, magnitude = {0}, net = {0}, all = {0}, a, b;
         for (int r = 0; r < rows; ++r) {
@@ -127,8 +165,9 @@ void pm_lanes_note_rows(int lanes, const pm_lane_places *places, pm_lane_row *ro
     }
 }
 
-PM_SIMD_CLONES void pm_lanes_gather(int count, int lanes, const int *component,
-                                    const pm_lane_places *places, const double *from, double *to) {
+PM_SIMD_CLONES void pm_lanes_gather_block(int count, int lanes, const int *component,
+                                          const pm_lane_places *places, const double *from,
+                                          double *to) {
     for (int v = 0; v < lanes; v += PM_LANES) {
         const pm_lane_row row = places->row[v / PM_LANES];
         for (int c = 0; c < count; ++c) {
@@ -145,9 +184,9 @@ PM_SIMD_CLONES void pm_lanes_gather(int count, int lanes, const int *component,
     }
 }
 
-PM_SIMD_CLONES void pm_lanes_gather_renewed(int lanes, const pm_lane_places *places,
-                                            const uint64_t *from, uint64_t wanted,
-                                            uint64_t *renewed) {
+PM_SIMD_CLONES void pm_lanes_gather_renewed_block(int lanes, const pm_lane_places *places,
+                                                  const uint64_t *from, uint64_t wanted,
+                                                  uint64_t *renewed) {
     for (int v = 0; v < lanes; v += PM_LANES) {
         const pm_lane_row row = places->row[v / PM_LANES];
         for (int l = 0; l < PM_LANES; ++l) {
@@ -161,7 +200,7 @@ PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
                                  const pm_lane_places *places, int begin, int end,
                                  const double *rate, double *to) {
     for (int l = begin; l < end;) {
-        const pm_lane_row row = places->row[l / PM_LANES];
+        const pm_lane_row row = lanes == 1 ? (pm_lane_row){0} : places->row[l / PM_LANES];
         if (row.neighbours && l % PM_LANES == 0 && l + PM_LANES <= end) {
             for (int c = 0; c < count; ++c) {
                 double *at = to + row.first + (ptrdiff_t)component[c] * row.step;
@@ -187,6 +226,15 @@ PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
 PM_SIMD_CLONES static void note_outside(const pm_group *group, double low, double high, int lanes,
                                         const double *z, uint64_t *outside) {
     const double *x = z + (ptrdiff_t)group->first * lanes;
+    if (lanes == 1) {
+        double sum = 0;
+        for (int c = 0; c < group->size; ++c) {
+            sum += x[c] * x[c];
+        }
+        const double size = group->size > 1 ? sqrt(sum) : x[0];
+        outside[0] |= low > size || size > high;
+        return;
+    }
     for (int v = 0; v < lanes; v += PM_LANES) {
         vector square = {0}, measure;
         bits before;
@@ -212,7 +260,7 @@ void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint6
     }
 }
 
-PM_SIMD_CLONES int pm_lanes_any(int lanes, const uint64_t *x) {
+PM_SIMD_CLONES int pm_lanes_any_block(int lanes, const uint64_t *x) {
     uint64_t any = 0;
     for (int l = 0; l < lanes; ++l) {
         any |= x[l];
@@ -220,7 +268,7 @@ PM_SIMD_CLONES int pm_lanes_any(int lanes, const uint64_t *x) {
     return any != 0;
 }
 
-PM_SIMD_CLONES int pm_lanes_all(int lanes, const uint64_t *x) {
+PM_SIMD_CLONES int pm_lanes_all_block(int lanes, const uint64_t *x) {
     uint64_t zeros = 0;
     for (int l = 0; l < lanes; ++l) {
         zeros |= (uint64_t)(x[l] == 0);

@@ -5,36 +5,20 @@
 #include <string.h>
 
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system) {
-    *ledger = (pm_ledger){.system = system, .has_energy = pm_system_without_energy(system) < 0};
+    *ledger = (pm_ledger){.system = system,
+                          .has_energy = pm_system_without_energy(system) < 0,
+                          .worst_energy_place = -1,
+                          .worst_entropy_place = -1};
 }
 
-// Returns the name of the component at a place of a tally (tally.h).
-static const char *name_at(const pm_scene *scene, double place) {
-    if (!(place >= 0 && place < scene->nport + scene->nsubsystem)) {
+const char *pm_ledger_name(const pm_ledger *ledger, int place) {
+    const pm_scene *scene = ledger->system->scene;
+    if (place < 0 || place >= scene->physics.nport + scene->physics.nsubsystem) {
         return NULL;
     }
-    const int i = (int)place;
-    return i < scene->nport ? scene->port[i].name : scene->subsystem[i - scene->nport].name;
-}
-
-// Adds the energy and entropy that left to the outside during the step, through ports with a
-// boundary input.
-static void book_outside(pm_ledger *ledger, pm_sample *sample) {
-    const pm_scene *scene = ledger->system->scene;
-    for (int i = 0; i < scene->nport && scene->nboundary_input > 0; ++i) {
-        for (int end = 0; end < 2; ++end) {
-            if (scene->port[i].boundary_input[end] >= 0) {
-                ledger->outside_energy += scene->dt * sample->flux[i][end].energy;
-                ledger->outside_entropy += scene->dt * sample->flux[i][end].entropy;
-            }
-        }
-    }
-    sample->outside_energy = ledger->outside_energy;
-    sample->outside_entropy = ledger->outside_entropy;
-}
-
-bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator) {
-    return integrator->discrete || integrator->balanced;
+    return place < scene->physics.nport
+               ? scene->physics.port[place].name
+               : scene->physics.subsystem[place - scene->physics.nport].name;
 }
 
 // Enters the residual of the whole step, in which the total energy has become `energy`. Returns
@@ -45,25 +29,35 @@ static bool book_step(pm_ledger *ledger, const pm_sample *sample, const pm_tally
     if (!ledger->has_energy) {
         return false;
     }
-    const double booked = scene->dt * pm_reproducible_sum_value(&tally->booked);
+    const double booked = scene->physics.dt * pm_reproducible_sum_value(&tally->booked);
     const double gross = fabs(ledger->outside_energy) +
                          pm_reproducible_sum_value(&tally->magnitude) +
-                         scene->dt * pm_reproducible_sum_value(&tally->gross);
+                         scene->physics.dt * pm_reproducible_sum_value(&tally->gross);
     const double error = fabs(energy - ledger->energy - booked);
     const double relative_error = gross > 0 ? error / gross : 0;
     if (relative_error > ledger->worst_step) {
         ledger->worst_step = relative_error;
         ledger->worst_step_at = sample->step;
     }
-    const bool unbalanced = pm_ledger_integrator_keeps_energy(scene->integrator) &&
-                            relative_error > scene->energy_tolerance;
+    const bool unbalanced = pm_integrator_keeps_energy(scene->physics.integrator) &&
+                            relative_error > scene->run.energy_tolerance;
     ledger->unbalanced += unbalanced ? 1 : 0;
     return unbalanced;
 }
 
 // Returns true if the integrator has not kept the energy that it promises to keep.
 static bool book_totals(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
-    book_outside(ledger, sample);
+    const pm_scene *scene = ledger->system->scene;
+    // Adds what left to the outside during the step, through ports with a boundary input.
+    for (int i = 0; i < 2 * scene->physics.nport && scene->physics.nboundary_input > 0; ++i) {
+        const pm_flux *flux = &sample->flux[i / 2][i % 2];
+        if (scene->physics.port[i / 2].boundary_input[i % 2] >= 0) {
+            ledger->outside_energy += scene->physics.dt * flux->energy;
+            ledger->outside_entropy += scene->physics.dt * flux->entropy;
+        }
+    }
+    sample->outside_energy = ledger->outside_energy;
+    sample->outside_entropy = ledger->outside_entropy;
     bool unbalanced = false;
     const double energy = pm_reproducible_sum_value(&tally->energy) + ledger->outside_energy;
     const double entropy = pm_reproducible_sum_value(&tally->entropy) + ledger->outside_entropy;
@@ -79,20 +73,6 @@ static bool book_totals(pm_ledger *ledger, pm_sample *sample, const pm_tally *ta
     ledger->entropy = entropy;
     ledger->steps = sample->step;
     return unbalanced;
-}
-
-// Fails if the total energy has drifted too far. This catches a step that is too long for the
-// integrator: the fluxes of every component then obey the laws, but the energy of the states
-// changes.
-static pm_status check_drift(const pm_ledger *ledger) {
-    const pm_scene *scene = ledger->system->scene;
-    if (!(ledger->energy_drift > scene->largest_drift)) {
-        return PM_OK;
-    }
-    return pm_fail(PM_ENUMERIC,
-                   "step %ld: the total energy has drifted by %.3g J, and the scene's guard allows "
-                   "%.3g: try a smaller dt, more substeps, or an integrator that is balanced",
-                   ledger->steps, ledger->energy_drift, scene->largest_drift);
 }
 
 // Enters the worst residuals of a law. Returns the worst one of the hard components, and in
@@ -113,8 +93,8 @@ static pm_status check_hard(const pm_ledger *ledger, const pm_sample *sample, co
                ? pm_fail(PM_ELAW,
                          "step %ld, %s: %s residual %.3g (allowed %.3g) in a component that keeps "
                          "both laws by construction",
-                         sample->step, name_at(ledger->system->scene, hard.place), law,
-                         hard.residual, tolerance)
+                         sample->step, pm_ledger_name(ledger, (int)hard.place), law, hard.residual,
+                         tolerance)
                : PM_OK;
 }
 
@@ -129,17 +109,17 @@ static pm_status book_residuals(pm_ledger *ledger, pm_sample *sample, const pm_t
     if (energy.residual > ledger->worst_energy) {
         ledger->worst_energy = energy.residual;
         ledger->worst_energy_step = sample->step;
-        ledger->worst_energy_at = name_at(scene, energy.place);
+        ledger->worst_energy_place = (int)energy.place;
     }
     if (-entropy.residual < ledger->worst_entropy) {
         ledger->worst_entropy = -entropy.residual;
         ledger->worst_entropy_step = sample->step;
-        ledger->worst_entropy_at = name_at(scene, entropy.place);
+        ledger->worst_entropy_place = (int)entropy.place;
     }
-    ledger->violations += violated || energy.residual > scene->energy_tolerance ||
-                          entropy.residual > scene->entropy_tolerance;
-    PM_TRY(check_hard(ledger, sample, "energy", hard_energy, scene->energy_tolerance));
-    return check_hard(ledger, sample, "entropy", hard_entropy, scene->entropy_tolerance);
+    ledger->violations += violated || energy.residual > scene->run.energy_tolerance ||
+                          entropy.residual > scene->run.entropy_tolerance;
+    PM_TRY(check_hard(ledger, sample, "energy", hard_energy, scene->run.energy_tolerance));
+    return check_hard(ledger, sample, "entropy", hard_entropy, scene->run.entropy_tolerance);
 }
 
 pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
@@ -150,43 +130,28 @@ pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *
     sample->farthest_steps = (long)tally->farthest;
     const bool unbalanced = book_totals(ledger, sample, tally);
     PM_TRY(book_residuals(ledger, sample, tally, unbalanced));
-    return check_drift(ledger);
+    // A step that is too long for the integrator: the fluxes of every component obey the laws, but
+    // the energy of the states changes.
+    const double most = ledger->system->scene->run.largest_drift;
+    return ledger->energy_drift > most
+               ? pm_fail(PM_ENUMERIC,
+                         "step %ld: the total energy has drifted by %.3g J, and the scene's guard "
+                         "allows %.3g: try a smaller dt, more substeps, or an integrator that is "
+                         "balanced",
+                         ledger->steps, ledger->energy_drift, most)
+               : PM_OK;
 }
 
 pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     pm_tally tally = {0};
     pm_tally_add_subsystems(&tally, ledger->system, sample);
-    pm_tally_add_ports(&tally, ledger->system, sample, ledger->system->scene->nport, NULL);
+    pm_tally_add_ports(&tally, ledger->system, sample, ledger->system->scene->physics.nport, NULL);
     return pm_ledger_enter(ledger, sample, &tally);
 }
 
 // --- checkpoint ---
 
-// Returns the number of a port or subsystem, counting ports first, by its name; -1: none.
-static double place_of(const pm_scene *scene, const char *name) {
-    for (int i = 0; i < scene->nport; ++i) {
-        if (scene->port[i].name == name) {
-            return i;
-        }
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (scene->subsystem[i].name == name) {
-            return scene->nport + i;
-        }
-    }
-    return -1;
-}
-
-// Puts the name of a port or subsystem as its number.
-static void put_name(pm_record *record, const char *what, const pm_scene *scene,
-                     const char **name) {
-    double place = place_of(scene, *name);
-    pm_record_put(record, what, &place, 1);
-    *name = name_at(scene, place);
-}
-
 void pm_ledger_record(pm_ledger *l, pm_record *record) {
-    const pm_scene *scene = l->system->scene;
     pm_record_put_long(record, "steps", &l->steps);
     pm_record_put(record, "first energy", &l->first_energy, 1);
     pm_record_put(record, "energy", &l->energy, 1);
@@ -199,8 +164,8 @@ void pm_ledger_record(pm_ledger *l, pm_record *record) {
     pm_record_put(record, "worst entropy", &l->worst_entropy, 1);
     pm_record_put_long(record, "worst energy step", &l->worst_energy_step);
     pm_record_put_long(record, "worst entropy step", &l->worst_entropy_step);
-    put_name(record, "worst energy at", scene, &l->worst_energy_at);
-    put_name(record, "worst entropy at", scene, &l->worst_entropy_at);
+    pm_record_put_int(record, "worst energy at", &l->worst_energy_place);
+    pm_record_put_int(record, "worst entropy at", &l->worst_entropy_place);
     pm_record_put(record, "worst entropy fall", &l->worst_entropy_fall, 1);
     pm_record_put(record, "worst step", &l->worst_step, 1);
     pm_record_put_long(record, "worst step at", &l->worst_step_at);

@@ -38,7 +38,7 @@ typedef struct pm_ledger {
     double outside_energy, outside_entropy; // J, J/K: share of the totals that left to the outside
     double worst_energy, worst_entropy; // largest energy residual; smallest entropy residual (<= 0)
     long worst_energy_step, worst_entropy_step;
-    const char *worst_energy_at, *worst_entropy_at; // name of the port or subsystem; NULL: none
+    int worst_energy_place, worst_entropy_place; // of the port or subsystem (tally.h); -1: none
     double worst_entropy_fall; // J/K, largest fall of the total S over one step (>= 0)
     double worst_step;         // largest energy residual of a whole step
     long worst_step_at;
@@ -47,10 +47,10 @@ typedef struct pm_ledger {
     long violations; // steps with any residual beyond the scene's tolerances, unbalanced ones too
 } pm_ledger;
 
-// Returns whether the integrator keeps the energy of a step by construction.
-bool pm_ledger_integrator_keeps_energy(const pm_integrator *integrator);
-
 void pm_ledger_init(pm_ledger *ledger, const pm_system *system);
+
+// Returns the name of the port or subsystem at a place; NULL: there is none.
+const char *pm_ledger_name(const pm_ledger *ledger, int place);
 
 // Enters a sample in the ledger. Writes into the sample what the ledger knows of the step
 // (scene/recording.h). PM_ELAW: a component in the hard form violates a law beyond the scene's

@@ -14,26 +14,21 @@ struct pm_monolithic {
     pm_step_controller controller;
 };
 
-static pm_status open_all(pm_monolithic *m) {
-    const pm_scene *scene = m->system->scene;
-    PM_TRY(pm_local_subsystems_open(&m->subsystems, m->system, scene->nsubsystem, NULL));
-    PM_TRY(pm_step_controller_init(&m->controller, scene));
-    return pm_sample_new(&m->sample, scene);
-}
-
 pm_status pm_monolithic_open(pm_monolithic **monolithic, const pm_system *system) {
     pm_monolithic *m = calloc(1, sizeof *m);
     if (m == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a monolithic run");
     }
+    pm_status status;
     m->system = system;
-    const pm_status status = open_all(m);
-    if (status != PM_OK) {
-        pm_monolithic_close(m);
-        return status;
-    }
+    PM_TRY_DONE(pm_local_subsystems_open(&m->subsystems, system, 0, NULL));
+    PM_TRY_DONE(pm_step_controller_init(&m->controller, system->scene));
+    PM_TRY_DONE(pm_sample_new(&m->sample, system->scene));
     *monolithic = m;
-    return PM_OK;
+    m = NULL;
+done:
+    pm_monolithic_close(m);
+    return status;
 }
 
 void pm_monolithic_close(pm_monolithic *monolithic) {
@@ -60,23 +55,18 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     m->stale = true;
 }
 
-static pm_status step_subsystems(pm_local_subsystems *s) {
-    while (!pm_local_subsystems_completes_step(s)) {
-        pm_local_subsystems_expose(s);
-        pm_local_subsystems_bulk(s);
-        pm_local_subsystems_couple(s);
-        pm_local_subsystems_advance(s);
-    }
-    return pm_local_subsystems_end_step(s);
-}
-
 pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     pm_monolithic *m = monolithic;
-    PM_TRY(step_subsystems(m->subsystems));
+    while (!pm_local_subsystems_completes_step(m->subsystems)) {
+        pm_local_subsystems_bulk(m->subsystems);
+        pm_local_subsystems_couple(m->subsystems);
+        pm_local_subsystems_advance(m->subsystems);
+    }
+    PM_TRY(pm_local_subsystems_end_step(m->subsystems));
     m->stale = true;
     ++m->sample->step;
-    m->sample->time = pm_scene_time(m->system->scene, 0, m->sample->step);
-    if (m->system->scene->tolerance > 0) {
+    m->sample->time = pm_scene_time(m->system->scene, m->sample->step);
+    if (pm_physics_is_adaptive(&m->system->scene->physics)) {
         pm_step_controller_note(&m->controller, pm_monolithic_sample(m));
     }
     pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
@@ -89,7 +79,9 @@ int pm_monolithic_substeps(const pm_monolithic *monolithic) {
 
 const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic) {
     if (monolithic->stale) {
-        pm_local_subsystems_fill_sample(monolithic->subsystems, monolithic->sample);
+        pm_local_subsystems_fill_sample(monolithic->subsystems,
+                                        monolithic->system->scene->physics.nsubsystem,
+                                        monolithic->sample);
         monolithic->stale = false;
     }
     return monolithic->sample;
@@ -98,6 +90,6 @@ const pm_sample *pm_monolithic_sample(pm_monolithic *monolithic) {
 const pm_sample *pm_monolithic_sums(pm_monolithic *monolithic, pm_tally *tally) {
     *tally = (pm_tally){0};
     pm_local_subsystems_tally(monolithic->subsystems, tally);
-    pm_local_subsystems_fill_first(monolithic->subsystems, PM_SCENE_LISTED, monolithic->sample);
+    pm_local_subsystems_fill_sample(monolithic->subsystems, PM_SCENE_LISTED, monolithic->sample);
     return monolithic->sample;
 }

@@ -6,8 +6,7 @@
 #ifndef PM_SIM_MONOLITHIC_H
 #define PM_SIM_MONOLITHIC_H
 
-#include "sim/subsystem.h"
-#include "sim/tally.h"
+#include "sim/local_subsystems.h"
 
 typedef struct pm_monolithic pm_monolithic;
 

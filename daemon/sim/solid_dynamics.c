@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "sim/program_input.h"
+#include "sim/lanes.h"
 
 // In contact a balance ends at moves shorter than this share of the largest displacement, since the
 // gap multiplies them by its stiffness.
@@ -23,24 +23,6 @@ static int first_of(const pm_layout *layout, const char *name) {
     return group == NULL ? -1 : group->first;
 }
 
-static pm_status open_memory(pm_solid_dynamics *d, pm_arena *arena) {
-    const size_t nz = (size_t)d->layout.nz, n = 3 * (size_t)d->nnode;
-    double *memory = pm_arena_array(arena, 4 * nz + 3 * n, sizeof *memory);
-    if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a solid");
-    }
-    d->dE = memory;
-    d->dS = memory + nz;
-    d->result = memory + 2 * nz;
-    d->end_rate = memory + 3 * nz;
-    d->mean = memory + 4 * nz;
-    d->end = d->mean + n;
-    d->work = d->mean + 2 * n;
-    d->dE[d->s] = d->temperature;
-    d->dS[d->s] = 1;
-    return PM_OK;
-}
-
 pm_status pm_solid_dynamics_open(pm_solid_dynamics *d, pm_arena *arena, const pm_part *part,
                                  const pm_solid_mesh *mesh) {
     const pm_layout *layout = &part->layout;
@@ -56,7 +38,18 @@ pm_status pm_solid_dynamics_open(pm_solid_dynamics *d, pm_arena *arena, const pm
                              .contact_node = mesh->contact,
                              .temperature = part->spec.solid->temperature};
     pm_solid_material_read(part->spec.solid, &part->params, &d->material);
-    PM_TRY(open_memory(d, arena));
+    const size_t nz = (size_t)d->layout.nz, n = 3 * (size_t)d->nnode;
+    double *memory = pm_arena_array(arena, 4 * nz + 3 * n, sizeof *memory);
+    PM_TRY(pm_arena_status(arena, "a solid"));
+    d->dE = memory;
+    d->dS = memory + nz;
+    d->result = memory + 2 * nz;
+    d->end_rate = memory + 3 * nz;
+    d->mean = memory + 4 * nz;
+    d->end = d->mean + n;
+    d->work = d->mean + 2 * n;
+    d->dE[d->s] = d->temperature;
+    d->dS[d->s] = 1;
     return pm_solid_open(&d->solid, mesh, &d->material);
 }
 
@@ -120,18 +113,6 @@ static double heat_of(const pm_solid_dynamics *d, const double *z, double stored
     return *work - (pm_solid_books_of(d->solid)->stored - stored);
 }
 
-// Returns the share of the move at which a heat that is negative at the whole move becomes zero, to
-// first order: with the balance at the end of the step the heat falls along the move by
-// (end - mean).move, J.
-static double shorter_share(const pm_solid_dynamics *d, const double *move, double heat) {
-    double slope = 0;
-    for (int i = 0; i < 3 * d->nnode; ++i) {
-        slope += (d->end[i] - d->mean[i]) * move[i];
-    }
-    const double share = 1 + CAUTION * heat / slope;
-    return slope > 0 && share > 0 ? share : 0;
-}
-
 // Moves the body less far, to where the heat is not negative. `move` [nnode][3] becomes the whole
 // move from z. Returns the heat.
 static double move_less(pm_solid_dynamics *d, double h, const double *z, double stored, double heat,
@@ -141,7 +122,14 @@ static double move_less(pm_solid_dynamics *d, double h, const double *z, double 
     for (int i = 0; i < 3 * d->nnode; ++i) {
         move[i] = u[i] - z[d->u + i];
     }
-    double share = shorter_share(d, move, heat);
+    // The share of the move at which the heat becomes zero, to first order: with the balance at the
+    // end of the step the heat falls along the move by (end - mean).move, J.
+    double slope = 0;
+    for (int i = 0; i < 3 * d->nnode; ++i) {
+        slope += (d->end[i] - d->mean[i]) * move[i];
+    }
+    double share = 1 + CAUTION * heat / slope;
+    share = slope > 0 && share > 0 ? share : 0;
     for (int k = 0; k <= MOST_SHORTER && heat < 0; ++k) {
         double *to = d->result + d->u;
         share = k == MOST_SHORTER ? 0 : share;

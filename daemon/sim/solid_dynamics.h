@@ -46,7 +46,7 @@ typedef struct pm_solid_dynamics {
     pm_status status;        // of the last balance
 } pm_solid_dynamics;
 
-// Opens the dynamics of a solid whose layout fits the mesh (scene/system_solid.c). Memory comes
+// Opens the dynamics of a solid whose layout fits the mesh (scene/system.c). Memory comes
 // from the arena; part and mesh are borrowed; the caller closes. PM_ECONFIG: an element is turned
 // inside out, or no node is free. PM_ENOMEM.
 pm_status pm_solid_dynamics_open(pm_solid_dynamics *d, pm_arena *arena, const pm_part *part,

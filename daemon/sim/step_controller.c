@@ -12,42 +12,47 @@
 // Rounds the number of substeps up and limits it to the range from the scene's substeps to
 // PM_MOST_SUBSTEPS.
 static int whole(const pm_scene *scene, double substeps) {
-    return (int)fmin(fmax(ceil(substeps), scene->substeps), PM_MOST_SUBSTEPS);
+    return (int)fmin(fmax(ceil(substeps), scene->physics.substeps), PM_MOST_SUBSTEPS);
+}
+
+int pm_step_controller_most_substeps(const pm_physics *physics) {
+    return pm_physics_is_adaptive(physics) ? PM_MOST_SUBSTEPS : physics->substeps;
 }
 
 pm_status pm_step_controller_init(pm_step_controller *controller, const pm_scene *scene) {
-    const bool chosen = scene->tolerance > 0;
-    *controller = (pm_step_controller){
-        .scene = scene,
-        .integrator = scene->integrator,
-        .substeps = chosen ? whole(scene, MOST_RISE * scene->substeps) : scene->substeps};
+    const bool chosen = pm_physics_is_adaptive(&scene->physics);
+    *controller =
+        (pm_step_controller){.scene = scene,
+                             .integrator = scene->physics.integrator,
+                             .substeps = chosen ? whole(scene, MOST_RISE * scene->physics.substeps)
+                                                : scene->physics.substeps};
     if (chosen && controller->integrator->embedded == 0) {
         return pm_fail(
             PM_ECONFIG,
             "%s: integrator %s does not estimate its error; heun, rk4 and rk4_balanced do",
-            scene->integrator_at, scene->integrator->name);
+            scene->physics.integrator_at, scene->physics.integrator->name);
     }
-    return chosen && scene->substeps > PM_MOST_SUBSTEPS
+    return chosen && scene->physics.substeps > PM_MOST_SUBSTEPS
                ? pm_fail(PM_ECONFIG,
                          "substeps: %d are the fewest that a tolerance may choose, at most %d are "
                          "possible",
-                         scene->substeps, PM_MOST_SUBSTEPS)
+                         scene->physics.substeps, PM_MOST_SUBSTEPS)
                : PM_OK;
 }
 
 void pm_step_controller_note(pm_step_controller *controller, const pm_sample *sample) {
     const pm_scene *scene = controller->scene;
-    if (!(scene->tolerance > 0) || sample->step == 0) {
+    if (!pm_physics_is_adaptive(&scene->physics) || sample->step == 0) {
         return;
     }
     double error = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         error = fmax(error, sample->error[i]);
     }
     // The error is expected to change over the next step as it did over this one.
     const double trend = controller->expected > 0 ? fmax(error / controller->expected, 1) : 1;
     const double order = controller->integrator->embedded + 1;
-    const double factor = pow(error * trend / (AIM * scene->tolerance), 1 / order);
+    const double factor = pow(error * trend / (AIM * scene->physics.tolerance), 1 / order);
     const int next =
         whole(scene, controller->substeps * fmin(fmax(factor, 1 / MOST_FALL), MOST_RISE));
     controller->expected = error * pow((double)controller->substeps / next, order);

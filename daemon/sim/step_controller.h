@@ -20,6 +20,9 @@ typedef struct pm_step_controller {
                      // last step; 0: no step has been taken
 } pm_step_controller;
 
+// Returns the largest number of substeps that a step can have.
+int pm_step_controller_most_substeps(const pm_physics *physics);
+
 // Starts a run. The controller never chooses fewer substeps than the scene names, since the method
 // may be unstable with fewer. The first step takes several times as many, since its error is not
 // known. PM_ECONFIG: the integrator does not estimate its error, or the scene's substeps exceed

@@ -33,12 +33,6 @@ static double class_of(double gross) {
     return floor((double)exponent / CLASS_BITS) + MIDDLE;
 }
 
-// Returns the smallest flux of a class.
-static double least_of(double number) {
-    return fmax(ldexp(0.5, CLASS_BITS * ((int)number - MIDDLE)),
-                nextafter(SMALLEST_FLUX, INFINITY));
-}
-
 // Makes `top` the largest class of a law, if it is larger than the present one.
 static void raise(pm_tally *tally, pm_tally_law law, double top) {
     const double by = tally->top[law] > 0 ? top - tally->top[law] : 0;
@@ -120,7 +114,10 @@ static void add_residuals(pm_tally *tally, pm_tally_law law, int form, int count
     double least[PM_TALLY_CLASSES], worst[PM_TALLY_CLASSES] = {0};
     int block[PM_TALLY_CLASSES];
     for (int k = 0; k < PM_TALLY_CLASSES; ++k) {
-        least[k] = least_of(tally->top[law] - k);
+        // The smallest flux of the class.
+        const int number = (int)(tally->top[law] - k);
+        least[k] =
+            fmax(ldexp(0.5, CLASS_BITS * (number - MIDDLE)), nextafter(SMALLEST_FLUX, INFINITY));
     }
     find_blocks(e, magnitude, count, least, worst, block);
     for (int k = 0; k < PM_TALLY_CLASSES; ++k) {
@@ -183,7 +180,7 @@ static void put(flux_block *block, int end, int lane, pm_flux flux) {
 }
 
 void pm_tally_add_subsystems(pm_tally *tally, const pm_system *system, const pm_sample *sample) {
-    const int n = system->scene->nsubsystem;
+    const int n = system->scene->physics.nsubsystem;
     flux_block block;
     const pm_lane_flux bulk = lanes_of(&block, 0);
     pm_tally_add_content(tally, n, sample->energy, sample->entropy);
@@ -195,11 +192,12 @@ void pm_tally_add_subsystems(pm_tally *tally, const pm_system *system, const pm_
             const int id = i + count;
             put(&block, 0, count,
                 (pm_flux){sample->bulk_energy[id], sample->bulk_entropy[id],
-                          sample->bulk_gross[2 * id], sample->bulk_gross[2 * id + 1]});
+                          sample->bulk_energy_gross[id], sample->bulk_entropy_gross[id]});
             pm_tally_add_counts(tally, id, sample->evaluated[id], sample->skipped[id],
                                 sample->outside[id]);
         }
-        pm_tally_add_fluxes(tally, form, count, system->scene->nport + i, NULL, &bulk, NULL);
+        pm_tally_add_fluxes(tally, form, count, system->scene->physics.nport + i, NULL, &bulk,
+                            NULL);
     }
 }
 

@@ -60,6 +60,9 @@ static inline double pm_dataset_time(const pm_dataset *d, int i, int j) {
 // The caller frees.
 pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,
                          const char *const *column);
+// Checks that dt > 0 and that the times t [ntime], s, are t[0] + j dt, which all users of
+// trajectories rely on. PM_EDATA; the error begins with `path`.
+pm_status pm_times_check(const char *path, int ntime, const double *t, double dt);
 // Adds a note, or replaces the note of the same name. PM_ENOMEM.
 pm_status pm_dataset_note(pm_dataset *dataset, const char *name, const char *format, ...)
     __attribute__((format(printf, 3, 4)));

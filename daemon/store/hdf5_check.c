@@ -14,7 +14,7 @@
 #define MAX_DEPTH 4          // of nested groups
 #define MAX_LEVEL 8          // of B-trees
 #define MAX_RANK 4
-#define MAX_VALUES (UINT64_C(1) << 28) // of a dataset or attribute, as in hdf5_dataset.c
+#define MAX_VALUES (UINT64_C(1) << 28) // of a dataset or attribute, as in hdf5_io.c
 #define MAX_EXTENTS 65536              // structures of a file
 #define MAX_BLOCKS 256                 // of messages in one object
 
@@ -109,18 +109,6 @@ static int compare_extents(const void *a, const void *b) {
     return x->from < y->from ? -1 : x->from > y->from;
 }
 
-// Objects if two structures share bytes.
-static void check_apart(file_walk *w) {
-    if (w->count > 0) {
-        qsort(w->extent, (size_t)w->count, sizeof *w->extent, compare_extents);
-    }
-    for (int i = 1; i < w->count; ++i) {
-        if (w->extent[i].from < w->extent[i - 1].to) {
-            object_to(w, "parts of it overlap");
-        }
-    }
-}
-
 // --- datatypes (IV.A.2.d), dataspaces (IV.A.2.b) ---
 
 // Returns the bytes of one value of a datatype; 0 if the type is not accepted.
@@ -199,21 +187,6 @@ static bool check_attribute(file_walk *w, const unsigned char *at, uint64_t size
     return values * bytes <= size - head || object_to(w, "an attribute is truncated");
 }
 
-// Accepts a fill value only if it is undefined or has no bytes.
-static bool check_fill(file_walk *w, const unsigned char *at, uint64_t size) {
-    const bool good = size >= 4 && at[0] == 2 && at[1] <= 3 && at[2] <= 2 &&
-                      (at[3] == 0 || (at[3] == 1 && size >= 8 && number(at + 4, 4) == 0));
-    return good || object_to(w, "a fill value is of a kind that is not accepted");
-}
-
-static bool check_layout(file_walk *w, object_facts *o, const unsigned char *at, uint64_t size) {
-    if (size < 18 || at[0] != 3 || at[1] != 1) {
-        return object_to(w, "a dataset is not contiguous");
-    }
-    o->stored = number(at + 10, 8);
-    return claim(w, number(at + 2, 8), o->stored) != NULL;
-}
-
 // Objects to the second message of a kind.
 static bool is_new(file_walk *w, bool *seen) {
     const bool new = !*seen;
@@ -236,9 +209,19 @@ static bool check_message(file_walk *w, object_facts *o, int type, const unsigne
         return is_new(w, &o->type) &&
                (o->value_size > 0 || object_to(w, "a dataset is not of plain numbers or text"));
     case 0x05: // fill value
-        return check_fill(w, at, size);
+        // Only one that is undefined or has no bytes.
+        return (size >= 4 && at[0] == 2 && at[1] <= 3 && at[2] <= 2 &&
+                (at[3] == 0 || (at[3] == 1 && size >= 8 && number(at + 4, 4) == 0))) ||
+               object_to(w, "a fill value is of a kind that is not accepted");
     case 0x08: // data layout
-        return is_new(w, &o->layout) && check_layout(w, o, at, size);
+        if (!is_new(w, &o->layout)) {
+            return false;
+        }
+        if (size < 18 || at[0] != 3 || at[1] != 1) {
+            return object_to(w, "a dataset is not contiguous");
+        }
+        o->stored = number(at + 10, 8);
+        return claim(w, number(at + 2, 8), o->stored) != NULL;
     case 0x0c: // attribute
         return check_attribute(w, at, size);
     case 0x10: // continuation block
@@ -258,8 +241,15 @@ static bool check_message(file_walk *w, object_facts *o, int type, const unsigne
     }
 }
 
-// Checks the messages of a block, which must fill it.
-static bool check_messages(file_walk *w, object_facts *o, const unsigned char *at, uint64_t size) {
+// Checks a block of messages, which must fill it.
+static bool check_block(file_walk *w, object_facts *o, uint64_t address, uint64_t size) {
+    if (++o->blocks > MAX_BLOCKS) {
+        return object_to(w, "a part of an object is damaged");
+    }
+    const unsigned char *at = claim(w, address, size);
+    if (at == NULL) {
+        return false;
+    }
     while (size > 0) {
         if (size < MESSAGE_SIZE) {
             return object_to(w, "an object is truncated");
@@ -276,14 +266,6 @@ static bool check_messages(file_walk *w, object_facts *o, const unsigned char *a
         size -= MESSAGE_SIZE + content;
     }
     return true;
-}
-
-static bool check_block(file_walk *w, object_facts *o, uint64_t address, uint64_t size) {
-    if (++o->blocks > MAX_BLOCKS) {
-        return object_to(w, "a part of an object is damaged");
-    }
-    const unsigned char *at = claim(w, address, size);
-    return at != NULL && check_messages(w, o, at, size);
 }
 
 // --- groups (III.A, III.B, III.C, III.D) ---
@@ -402,32 +384,30 @@ static bool check_object(file_walk *w, uint64_t address, int depth, object_facts
     return check_heap(w, o->names, &names) && check_tree(w, o->tree, &names, -1, depth + 1);
 }
 
-static void check_file(file_walk *w) {
+const char *pm_hdf5_check(const void *data, size_t size) {
     static const unsigned char head[] = {0x89, 'H', 'D',    'F', '\r',       '\n', 0x1a,
                                          '\n', 0,   0,      0,   0,          0,    8,
                                          8,    0,   LEAF_K, 0,   INTERNAL_K, 0};
-    const unsigned char *at = claim(w, 0, SUPERBLOCK_SIZE);
-    if (at == NULL || memcmp(at, head, sizeof head) != 0) {
-        object_to(w, "it does not begin as files of portmet do");
-        return;
-    }
-    const uint64_t end = number(at + 40, 8);
-    if (number(at + 20, 4) != 0 || number(at + 24, 8) != 0 || number(at + 32, 8) != UNDEFINED ||
-        number(at + 48, 8) != UNDEFINED) {
-        object_to(w, "it does not begin as files of portmet do");
-    } else if (end > w->size) {
-        object_to(w, "it is truncated");
-    } else {
-        w->size = end;
-        check_entry(w, at + 56, 0);
-    }
-}
-
-const char *pm_hdf5_check(const void *data, size_t size) {
     file_walk w = {.data = data, .size = size};
-    check_file(&w);
-    if (w.objection == NULL) {
-        check_apart(&w);
+    const unsigned char *at = claim(&w, 0, SUPERBLOCK_SIZE);
+    if (at == NULL || memcmp(at, head, sizeof head) != 0 || number(at + 20, 4) != 0 ||
+        number(at + 24, 8) != 0 || number(at + 32, 8) != UNDEFINED ||
+        number(at + 48, 8) != UNDEFINED) {
+        object_to(&w, "it does not begin as files of portmet do");
+    } else if (number(at + 40, 8) > size) {
+        object_to(&w, "it is truncated");
+    } else {
+        w.size = number(at + 40, 8);
+        check_entry(&w, at + 56, 0);
+    }
+    // No two structures may share bytes.
+    if (w.objection == NULL && w.count > 0) {
+        qsort(w.extent, (size_t)w.count, sizeof *w.extent, compare_extents);
+    }
+    for (int i = 1; w.objection == NULL && i < w.count; ++i) {
+        if (w.extent[i].from < w.extent[i - 1].to) {
+            object_to(&w, "parts of it overlap");
+        }
     }
     free(w.extent);
     return w.objection;

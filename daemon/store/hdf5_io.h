@@ -31,9 +31,22 @@ pm_status pm_hdf5_open(pm_hdf5 **file, const char *path, pm_hdf5_source source, 
 // Returns true if PM_HDF5_OWN would accept the file; false if it cannot be opened.
 bool pm_hdf5_is_own(const char *path);
 
-// Closes the HDF5 library. A child process that tests whether a file crashes the library
-// (attempt.h) calls it last.
-void pm_hdf5_end(void);
+// Protects the caller from a file on which the HDF5 library crashes. If PM_HDF5_OWN would not
+// accept the file, a child process calls work(context), which opens and reads it as the caller
+// will; the results are lost. The child may use 20 s of CPU time and as much memory as the machine
+// has. The caller must have no threads yet. PM_EFILE: the file ended the child; PM_ENOMEM: no
+// process could be started.
+pm_status pm_hdf5_try(const char *path, void (*work)(const void *context), const void *context);
+
+// True if pm_hdf5_try limits the child's memory. Address sanitizers reserve more addresses than the
+// machine has memory, so under them there is no limit.
+#if defined(__SANITIZE_ADDRESS__)
+#define PM_HDF5_TRY_LIMITS_MEMORY 0
+#elif defined(__has_feature)
+#define PM_HDF5_TRY_LIMITS_MEMORY !__has_feature(address_sanitizer)
+#else
+#define PM_HDF5_TRY_LIMITS_MEMORY 1
+#endif
 
 // Opens a file that was written IN_PLACE, so that the caller can continue to write it. The caller
 // closes the file. PM_EFILE.

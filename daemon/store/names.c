@@ -26,9 +26,7 @@ static int compare_text(const void *text, const void *name) {
 
 pm_status pm_names_sort(pm_names *names, const char *const *text, int count, pm_arena *arena) {
     pm_name *sorted = pm_arena_array(arena, (size_t)count, sizeof *sorted);
-    if (sorted == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for %d names", count);
-    }
+    PM_TRY(pm_arena_status(arena, "%d names", count));
     for (int i = 0; i < count; ++i) {
         sorted[i] = (pm_name){text[i], i};
     }
@@ -109,21 +107,6 @@ static long split(const char *text, size_t *prefix) {
     return at > 0 && at <= MAX_PREFIX && number < MAX_NUMBER ? number : -1;
 }
 
-// Returns how many names, from the first on, a single range can replace.
-static int run_length(const char *const *text, int count, size_t *prefix, long *first) {
-    *first = split(text[0], prefix);
-    int n = 1;
-    while (*first >= 0 && n < count) {
-        size_t other;
-        const long number = split(text[n], &other);
-        if (number != *first + n || other != *prefix || strncmp(text[0], text[n], other) != 0) {
-            break;
-        }
-        ++n;
-    }
-    return n;
-}
-
 const char *pm_names_fold(const char *const *text, int count, pm_arena *arena) {
     size_t size = 1; // a range is never longer than the three names it replaces
     for (int i = 0; i < count; ++i) {
@@ -131,9 +114,13 @@ const char *pm_names_fold(const char *const *text, int count, pm_arena *arena) {
     }
     char *folded = pm_arena_alloc(arena, size), *end = folded;
     for (int i = 0; folded != NULL && i < count;) {
-        size_t prefix;
-        long first;
-        const int n = run_length(text + i, count - i, &prefix, &first);
+        size_t prefix, other;
+        const long first = split(text[i], &prefix);
+        int n = 1; // names, from this one on, that a single range can replace
+        while (first >= 0 && i + n < count && split(text[i + n], &other) == first + n &&
+               other == prefix && strncmp(text[i], text[i + n], prefix) == 0) {
+            ++n;
+        }
         end = i == 0 ? end : stpcpy(end, " ");
         if (n < SHORTEST_RANGE) {
             end = stpcpy(end, text[i++]);

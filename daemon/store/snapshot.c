@@ -1,4 +1,5 @@
 // Snapshots by plain system calls: the numbers are written under another name and renamed.
+// Checkpoints put their fields into a record one after another.
 #include "store/snapshot.h"
 
 #include <errno.h>
@@ -12,6 +13,7 @@
 #include <unistd.h>
 
 #include "base/digest.h"
+#include "base/record.h"
 
 #define MAGIC "portmet snapshot 2\n"
 
@@ -50,13 +52,6 @@ static bool write_bytes(int file, const void *data, size_t size) {
     return true;
 }
 
-static bool write_all(int file, const snapshot_head *h, const double *value) {
-    const uint64_t sum = check_sum(h, value);
-    return write_bytes(file, h, sizeof *h) &&
-           write_bytes(file, value, (size_t)h->count * sizeof *value) &&
-           write_bytes(file, &sum, sizeof sum);
-}
-
 static pm_status save(const char *path, const pm_snapshot_key *key, int64_t session,
                       const double *value, bool synced) {
     char temporary[4096];
@@ -71,7 +66,10 @@ static pm_status save(const char *path, const pm_snapshot_key *key, int64_t sess
         return fail_access(path, "write");
     }
     const snapshot_head h = {MAGIC, key->digest, key->layout, session, key->count};
-    const bool written = write_all(file, &h, value) && (!synced || fsync(file) == 0);
+    const uint64_t sum = check_sum(&h, value);
+    const bool written = write_bytes(file, &h, sizeof h) &&
+                         write_bytes(file, value, (size_t)h.count * sizeof *value) &&
+                         write_bytes(file, &sum, sizeof sum) && (!synced || fsync(file) == 0);
     if ((close(file) != 0) || !written || rename(temporary, path) != 0) {
         const pm_status status = fail_access(path, "write");
         unlink(temporary);
@@ -83,11 +81,6 @@ static pm_status save(const char *path, const pm_snapshot_key *key, int64_t sess
 pm_status pm_snapshot_save(const char *path, const pm_snapshot_key *key, int64_t session,
                            const double *value) {
     return save(path, key, session, value, false);
-}
-
-pm_status pm_snapshot_save_synced(const char *path, const pm_snapshot_key *key, int64_t session,
-                                  const double *value) {
-    return save(path, key, session, value, true);
 }
 
 // --- reading ---
@@ -105,37 +98,6 @@ static pm_status read_head(const char *path, FILE *file, uint64_t digest, snapsh
                        path, h->digest, digest);
     }
     return PM_OK;
-}
-
-static bool all_finite(const double *value, int count) {
-    bool finite = true;
-    for (int i = 0; i < count; ++i) {
-        finite = finite && isfinite(value[i]);
-    }
-    return finite;
-}
-
-static pm_status read_all(const char *path, FILE *file, const pm_snapshot_key *key,
-                          snapshot_head *h, double *value) {
-    uint64_t sum;
-    PM_TRY(read_head(path, file, key->digest, h));
-    if (h->count != key->count || h->layout != key->layout) {
-        return pm_fail(PM_EFILE,
-                       "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
-                       "version of portmet wrote it, or it is damaged; remove it to begin anew",
-                       path, h->count, key->count);
-    }
-    const size_t count = (size_t)key->count;
-    if (fread(value, sizeof *value, count, file) != count ||
-        fread(&sum, sizeof sum, 1, file) != 1 || sum != check_sum(h, value)) {
-        return pm_fail(PM_EFILE, "%s: the snapshot is damaged; remove it to begin anew", path);
-    }
-    return all_finite(value, key->count)
-               ? PM_OK
-               : pm_fail(PM_EFILE,
-                         "%s: the snapshot holds a number that is not finite; remove it to begin "
-                         "anew",
-                         path);
 }
 
 // Leaves `file` NULL and returns PM_OK where there is no file. Waits for nobody who would write to
@@ -186,17 +148,91 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
         return PM_OK;
     }
     snapshot_head h;
+    uint64_t sum;
     pm_status status = PM_OK;
-    double *read = calloc((size_t)key->count + 1, sizeof *read);
+    const size_t count = (size_t)key->count;
+    double *read = calloc(count + 1, sizeof *read);
     if (read == NULL) {
         status = pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, key->count);
         goto done;
     }
-    PM_TRY_DONE(read_all(path, file, key, &h, read));
-    memcpy(value, read, (size_t)key->count * sizeof *value);
+    PM_TRY_DONE(read_head(path, file, key->digest, &h));
+    if (h.count != key->count || h.layout != key->layout) {
+        status = pm_fail(PM_EFILE,
+                         "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
+                         "version of portmet wrote it, or it is damaged; remove it to begin anew",
+                         path, h.count, key->count);
+        goto done;
+    }
+    if (fread(read, sizeof *read, count, file) != count || fread(&sum, sizeof sum, 1, file) != 1 ||
+        sum != check_sum(&h, read)) {
+        status = pm_fail(PM_EFILE, "%s: the snapshot is damaged; remove it to begin anew", path);
+        goto done;
+    }
+    for (size_t i = 0; i < count; ++i) {
+        if (!isfinite(read[i])) {
+            status = pm_fail(PM_EFILE,
+                             "%s: the snapshot holds a number that is not finite; remove it to "
+                             "begin anew",
+                             path);
+            goto done;
+        }
+    }
+    memcpy(value, read, count * sizeof *value);
     *session = h.session;
 done:
     free(read);
     fclose(file);
+    return status;
+}
+
+// --- checkpoints ---
+
+static void put_fields(pm_record *record, int nfield, const pm_checkpoint_field *field) {
+    for (int i = 0; i < nfield; ++i) {
+        pm_record_put(record, field[i].name, field[i].value, field[i].count);
+    }
+}
+
+// Counts the numbers and allocates them; the caller frees. PM_ENOMEM.
+static pm_status prepare(const char *path, const char *kind, uint64_t digest, int nfield,
+                         const pm_checkpoint_field *field, pm_snapshot_key *key, double **number) {
+    pm_record record = pm_record_count(kind);
+    put_fields(&record, nfield, field);
+    *key = (pm_snapshot_key){digest, record.layout, record.count};
+    *number = malloc(((size_t)record.count + 1) * sizeof **number);
+    return *number != NULL
+               ? PM_OK
+               : pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, record.count);
+}
+
+pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest, int nfield,
+                             const pm_checkpoint_field *field) {
+    pm_snapshot_key key;
+    double *number;
+    PM_TRY(prepare(path, kind, digest, nfield, field, &key, &number));
+    pm_record record = pm_record_save(kind, number);
+    put_fields(&record, nfield, field);
+    const pm_status status = save(path, &key, 0, number, true);
+    free(number);
+    return status;
+}
+
+pm_status pm_checkpoint_load(const char *path, const char *kind, uint64_t digest, int nfield,
+                             const pm_checkpoint_field *field) {
+    pm_snapshot_key key;
+    double *number;
+    int64_t session;
+    bool found;
+    PM_TRY(prepare(path, kind, digest, nfield, field, &key, &number));
+    pm_status status = pm_snapshot_load(path, &key, &session, number, &found);
+    if (status == PM_OK && !found) {
+        status = pm_fail(PM_EFILE, "%s: there is no checkpoint to go on from", path);
+    }
+    if (status == PM_OK) {
+        pm_record record = pm_record_restore(kind, number);
+        put_fields(&record, nfield, field);
+    }
+    free(number);
     return status;
 }

@@ -24,10 +24,6 @@ typedef struct pm_snapshot_key {
 pm_status pm_snapshot_save(const char *path, const pm_snapshot_key *key, int64_t session,
                            const double *value);
 
-// Does the same and waits until the disk has the numbers, so that they survive a crash of the host.
-pm_status pm_snapshot_save_synced(const char *path, const pm_snapshot_key *key, int64_t session,
-                                  const double *value);
-
 // Reads `session` and value [count]. Where there is no file, `found` is false. On failure the
 // results stay untouched. PM_EFILE: truncated, damaged, not finite, or of another key; PM_ENOMEM.
 pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t *session,
@@ -36,5 +32,26 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
 // Reads only the session. Where there is no file, `found` is false. PM_EFILE: the file is not a
 // snapshot, or has another digest.
 pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found);
+
+// --- checkpoints ---
+//
+// Checkpoints of work that takes hours, such as a training. A checkpoint holds named vectors of
+// numbers. It is a snapshot that is synchronised with the disk before the call returns.
+
+typedef struct pm_checkpoint_field {
+    const char *name;
+    int count;     // >= 1
+    double *value; // [count]
+} pm_checkpoint_field;
+
+// Replaces the file at `path`. `kind` names the work, such as "fit"; `digest` is the digest of its
+// configuration and data. PM_EFILE, PM_ENOMEM.
+pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest, int nfield,
+                             const pm_checkpoint_field *field);
+
+// Reads the file into the fields, which stay untouched on failure. PM_EFILE: missing, damaged, or
+// of another kind, digest, or list of fields; PM_ENOMEM.
+pm_status pm_checkpoint_load(const char *path, const char *kind, uint64_t digest, int nfield,
+                             const pm_checkpoint_field *field);
 
 #endif

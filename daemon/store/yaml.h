@@ -1,4 +1,4 @@
-// Reads YAML with libyaml, whose only callers are the YAML files of this folder. Every reader
+// Reads YAML with libyaml, whose only caller is yaml.c. Every reader
 // checks what it returns and fails with PM_ECONFIG and one line that names file, line, column and
 // key, such as: double_pendulum.yaml:12:9: dt: expected a number > 0, found "abc".
 #ifndef PM_STORE_YAML_H
@@ -70,5 +70,58 @@ pm_status pm_yaml_choice(pm_yaml value, const char *const *names, int *result);
 pm_status pm_yaml_doubles(pm_yaml list, pm_arena *arena, int *count, double **result);
 pm_status pm_yaml_ints(pm_yaml list, int low, int high, pm_arena *arena, int *count, int **result);
 pm_status pm_yaml_texts(pm_yaml list, pm_arena *arena, int *count, const char ***result);
+
+// --- all keys of a mapping ---
+
+// A key that a mapping may have, and where its value goes. Tables of keys are made with the macros
+// below and end with {0}:
+//     int steps = 0;
+//     double pace = 1;
+//     const pm_yaml_key keys[] = {{PM_YAML_INT("steps", &steps, 1, 100), .required = true},
+//                                 {PM_YAML_DOUBLE("pace", &pace, DBL_MIN, INFINITY)},
+//                                 {0}};
+//     PM_TRY(pm_yaml_read(map, arena, keys));
+typedef struct pm_yaml_key {
+    const char *name;
+    enum {
+        PM_YAML_IS_VALUE,
+        PM_YAML_IS_DOUBLE,
+        PM_YAML_IS_INT,
+        PM_YAML_IS_BOOL,
+        PM_YAML_IS_TEXT,
+        PM_YAML_IS_TEXTS,
+        PM_YAML_IS_CHOICE
+    } type;
+    union {
+        pm_yaml *value;
+        double *number;
+        int *whole;
+        bool *truth;
+        const char **text;
+        const char *const **texts; // [*count]
+    } to;
+    double low, high;         // of a number
+    const char *const *names; // of a choice
+    int *count;               // of texts
+    bool required;
+} pm_yaml_key;
+
+#define PM_YAML_VALUE(key, to_) .name = key, .type = PM_YAML_IS_VALUE, .to.value = to_
+#define PM_YAML_DOUBLE(key, to_, low_, high_) \
+    .name = key, .type = PM_YAML_IS_DOUBLE, .to.number = to_, .low = low_, .high = high_
+#define PM_YAML_INT(key, to_, low_, high_) \
+    .name = key, .type = PM_YAML_IS_INT, .to.whole = to_, .low = low_, .high = high_
+#define PM_YAML_BOOL(key, to_) .name = key, .type = PM_YAML_IS_BOOL, .to.truth = to_
+#define PM_YAML_TEXT(key, to_) .name = key, .type = PM_YAML_IS_TEXT, .to.text = to_
+#define PM_YAML_TEXTS(key, count_, to_) \
+    .name = key, .type = PM_YAML_IS_TEXTS, .to.texts = to_, .count = count_
+#define PM_YAML_CHOICE(key, to_, names_) \
+    .name = key, .type = PM_YAML_IS_CHOICE, .to.whole = to_, .names = names_
+
+// Reads all keys of a mapping, in the order of the table. What belongs to a missing key stays as it
+// was, but a missing value becomes absent, and the caller reads a value that goes to NULL; an
+// absent mapping has no keys. PM_ECONFIG: the value is no mapping, has a key that is not in the
+// table, lacks one that is required, or has a value that is not allowed. PM_ENOMEM.
+pm_status pm_yaml_read(pm_yaml map, pm_arena *arena, const pm_yaml_key *keys);
 
 #endif

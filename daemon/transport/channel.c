@@ -28,7 +28,7 @@ pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *wor
 
 pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *word,
                              int process_id) {
-    return print(channel, "%s_%s_%s", scene->name, word, scene->process[process_id].name);
+    return print(channel, "%s_%s_%s", scene->name, word, scene->network.process[process_id].name);
 }
 
 pm_status pm_channel_hello(char *channel, const pm_scene *scene, const char *owner) {

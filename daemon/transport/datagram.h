@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "base/status.h"
+#include <linux/filter.h>
 
 #define PM_DATAGRAM_SHORT UINT32_C(0x4c433032)    // magic of a short message, "LC02"
 #define PM_DATAGRAM_FRAGMENT UINT32_C(0x4c433033) // magic of a fragment, "LC03"
@@ -62,5 +63,21 @@ bool pm_reassembly_add(pm_reassembly *reassembly, const pm_datagram *part, uint6
 // message. The check of the sum prevents a few small fragments from counting as a large message. If
 // true, `data` [total] holds the message until the next call of pm_reassembly_begin.
 bool pm_reassembly_complete(const pm_reassembly *reassembly);
+
+// --- the filter of channels ---
+
+// Builds a classic BPF program with which the kernel drops datagrams on channels that this process
+// has not subscribed to, before they wake it.
+// Builds a program that accepts the messages on the channels `name` [count] and drops those on all
+// others. It also accepts every fragment of a message after the first one, because such a fragment
+// does not name its channel. The names must be distinct and sorted by strcmp. Without names (count
+// = 0) the program drops all other datagrams. `start` is the position of LCM's datagram in the
+// bytes that the filter sees: 8 on a UDP socket. The caller frees `program->filter`.
+//
+// No program can be built if a name has fewer than three characters, or if the program would have
+// more than BPF_MAXINSNS (4096) instructions. The function then returns PM_OK with
+// `program->filter` NULL, and the socket must accept everything. PM_ENOMEM.
+pm_status pm_channel_filter_build(struct sock_fprog *program, int count, const char *const *name,
+                                  unsigned start);
 
 #endif

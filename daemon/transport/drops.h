@@ -25,6 +25,15 @@ typedef enum pm_drop {
     PM_NDROP
 } pm_drop;
 
+// Returns the reason from a function that handles a message, unless the message is kept.
+#define PM_TRY_KEEP(call)             \
+    do {                              \
+        const pm_drop drop_ = (call); \
+        if (drop_ != PM_KEEP) {       \
+            return drop_;             \
+        }                             \
+    } while (0)
+
 // The number of messages for each reason. A transport counts only the messages that it drops
 // itself. The state machine of the node or coordinator counts all others, and it counts the
 // messages that it uses as PM_KEEP.

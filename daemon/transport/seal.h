@@ -25,7 +25,7 @@
 //     process ends the run, begins later;
 //   - make a process send a buffered message again;
 //   - if the message is a request, and is repeated for half a second, make a process with
-//     checkpoints roll back and compute the same bits again (lockstep/request_filter.h);
+//     checkpoints roll back and compute the same bits again (lockstep/node.h);
 //   - if a request is repeated in this way, and its receiver, a node of a run without checkpoints,
 //     itself waits for a long time, end that run.
 //

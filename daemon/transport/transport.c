@@ -2,6 +2,7 @@
 #include "transport/transport.h"
 
 #include <assert.h>
+#include <fnmatch.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,7 +21,6 @@ static const struct {
     {"udpm://", &pm_transport_lcm},
     {"mpudpm://", &pm_transport_lcm},
     {"mpi://", &pm_transport_mpi},
-    {"memory://", &pm_transport_memory},
 };
 
 // Returns the functions for this URL, or NULL.
@@ -38,10 +38,9 @@ static pm_status find(const char *url, const pm_transport_table **table) {
     if (*table != NULL) {
         return PM_OK;
     }
-    return pm_fail(PM_ECONFIG,
-                   "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT, mpi:// "
-                   "or memory://",
-                   url);
+    return pm_fail(
+        PM_ECONFIG,
+        "transport \"%s\": expected udpm://ADDRESS:PORT, mpudpm://ADDRESS:PORT or mpi://", url);
 }
 
 pm_status pm_transport_check(const char *url) {
@@ -62,15 +61,24 @@ pm_status pm_transport_place(const char *url, int *rank, int *count) {
     return table->place(rank, count);
 }
 
-pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub) {
-    const pm_transport_table *table = NULL;
-    PM_TRY(find(url, &table));
+pm_status pm_transport_make(pm_transport **transport, const pm_transport_table *table,
+                            void *state) {
     pm_transport *made = calloc(1, sizeof *made);
     if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
+        return pm_fail(PM_ENOMEM, "transport: out of memory");
     }
     made->table = table;
-    const pm_status status = table->open(&made->state, url, hub, &made->drops);
+    made->state = state;
+    *transport = made;
+    return PM_OK;
+}
+
+pm_status pm_transport_open(pm_transport **transport, const char *url) {
+    const pm_transport_table *table = NULL;
+    pm_transport *made = NULL;
+    PM_TRY(find(url, &table));
+    PM_TRY(pm_transport_make(&made, table, NULL));
+    const pm_status status = table->open(&made->state, url, &made->drops);
     if (status != PM_OK) {
         free(made);
         return status;
@@ -86,14 +94,82 @@ void pm_transport_close(pm_transport *transport) {
     }
 }
 
+// --- a tap ---
+//
+// A transport in front of another one: it publishes messages on chosen channels over LCM as well,
+// so that LCM programs see a run whose processes talk in another way.
+
+typedef struct tapped {
+    const pm_transport_table *table; // of the transport beneath
+    void *beneath;
+    void *lcm; // the state of an LCM transport
+    pm_tap tap;
+} tapped;
+
+static void tapped_close(void *state) {
+    tapped *t = state;
+    t->table->close(t->beneath);
+    pm_transport_lcm.close(t->lcm);
+    free(t);
+}
+
+static pm_status tapped_publish(void *state, const char *channel, const void *data, size_t size) {
+    const tapped *t = state;
+    const size_t length = strlen(t->tap.scene);
+    bool chosen = false;
+    if (strncmp(channel, t->tap.scene, length) == 0 && channel[length] == '_') {
+        for (int i = 0; i < t->tap.count && !chosen; ++i) {
+            chosen = fnmatch(t->tap.pattern[i], channel + length + 1, 0) == 0;
+        }
+    }
+    if (chosen) {
+        // Nobody in the run waits for this message.
+        (void)pm_transport_lcm.publish(t->lcm, channel, data, size);
+    }
+    return t->table->publish(t->beneath, channel, data, size);
+}
+
+static pm_status tapped_subscribe(void *state, const char *channel, pm_message_handler *handler,
+                                  void *context) {
+    const tapped *t = state;
+    return t->table->subscribe(t->beneath, channel, handler, context);
+}
+
+static pm_status tapped_wait(void *state, double seconds, int *handled) {
+    const tapped *t = state;
+    return t->table->wait(t->beneath, seconds, handled);
+}
+
+static int tapped_file(const void *state) {
+    const tapped *t = state;
+    return t->table->file(t->beneath);
+}
+
+static const pm_transport_table tapped_table = {
+    .close = tapped_close,
+    .subscribe = tapped_subscribe,
+    .publish = tapped_publish,
+    .wait = tapped_wait,
+    .file = tapped_file,
+};
+
 pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
-    void *state;
-    PM_TRY(pm_transport_tapped_open(&state, transport->table, transport->state, tap,
-                                    &transport->drops));
-    transport->table = &pm_transport_tapped;
-    transport->state = state;
+    tapped *t = calloc(1, sizeof *t);
+    if (t == NULL) {
+        return pm_fail(PM_ENOMEM, "tap: out of memory");
+    }
+    *t = (tapped){.table = transport->table, .beneath = transport->state, .tap = *tap};
+    const pm_status status = pm_transport_lcm.open(&t->lcm, tap->url, &transport->drops);
+    if (status != PM_OK) {
+        free(t);
+        return status;
+    }
+    transport->table = &tapped_table;
+    transport->state = t;
     return PM_OK;
 }
+
+// --- calls through the table ---
 
 pm_status pm_transport_seal(pm_transport *transport, const pm_key *key, const char *sender,
                             pm_clock_handler *on_clock, const void *context) {

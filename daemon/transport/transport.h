@@ -2,12 +2,12 @@
 // kind:
 //   udpm://, mpudpm://   LCM over UDP multicast, best effort (transport_lcm.c)
 //   mpi://               between the ranks of one job of mpirun (transport_mpi.c)
-//   memory://            between the endpoints of one hub in this thread (transport_memory.c)
-// With udpm, messages arrive on a filtered socket of this program (receiver.h), unless the URL says
+// With udpm, messages arrive on a filtered socket of this program (transport_lcm.c), unless the URL
+// says
 // "?receive=lcm".
 // A transport is a table of functions (transport_table.h) and one line in transport.c. With a key,
-// a transport that seals and checks messages (transport_sealed.c) stands in front of any of them. A
-// tap (transport_tapped.c) repeats chosen messages over LCM.
+// a transport that seals and checks messages (seal.c) stands in front of any of them. A
+// tap repeats chosen messages over LCM.
 //
 // Life cycle: open, perhaps tap, perhaps seal, subscribe, then publish and wait in turn, close.
 #ifndef PM_TRANSPORT_TRANSPORT_H
@@ -23,32 +23,11 @@
 #include "transport/seal.h"
 
 typedef struct pm_transport pm_transport;
+struct pm_transport_table;
 
 // A function that pm_transport_wait calls for each message. `data` [size] and `channel` are valid
 // until the handler returns. The handler may publish; it must not wait, subscribe or close.
 typedef void pm_message_handler(void *context, const char *channel, const void *data, size_t size);
-
-// --- the hub of the memory transport ---
-
-// Endpoints opened on the same hub receive each other's messages, each through its own
-// first-in first-out queue.
-typedef struct pm_hub pm_hub;
-
-// Faults that a hub simulates for tests; a struct of zeros means no faults. The hub draws them at
-// random, from `seed`, for each message and receiver. A delayed message waits for 1 to `max_delay`
-// of the receiver's calls of pm_transport_wait, so that later messages overtake it.
-typedef struct pm_hub_faults {
-    uint64_t seed;
-    double drop, duplicate, delay; // probabilities
-    int max_delay;
-} pm_hub_faults;
-
-// Opens a hub; `faults` may be NULL: none. PM_ENOMEM. The caller must close the hub after its
-// endpoints.
-pm_status pm_hub_open(pm_hub **hub, const pm_hub_faults *faults);
-void pm_hub_close(pm_hub *hub); // NULL is allowed
-
-// --- any transport ---
 
 // Checks the form of a URL, without opening anything. PM_ECONFIG: the scheme is unknown or the
 // address malformed.
@@ -62,10 +41,14 @@ bool pm_transport_has_ranks(const char *url);
 // end the others. PM_ECONFIG: as pm_transport_check; PM_ENET: MPI has ended.
 pm_status pm_transport_place(const char *url, int *rank, int *count);
 
-// Opens a transport. `hub` is needed for "memory://", must outlive the transport, and is ignored by
-// the others. PM_ECONFIG: as pm_transport_check. PM_ENET: there is no socket or no route for
+// Opens a transport. PM_ECONFIG: as pm_transport_check. PM_ENET: there is no socket or no route for
 // multicast; the error then names the commands that make one. PM_ENOMEM.
-pm_status pm_transport_open(pm_transport **transport, const char *url, pm_hub *hub);
+pm_status pm_transport_open(pm_transport **transport, const char *url);
+
+// Makes a transport of functions (transport_table.h) and their state, which it then owns.
+// PM_ENOMEM.
+pm_status pm_transport_make(pm_transport **transport, const struct pm_transport_table *table,
+                            void *state);
 
 // Closes a transport. With mpi:// it waits until every rank closes it, for 60 s at most; NULL is
 // allowed.
@@ -108,7 +91,7 @@ pm_status pm_transport_publish(pm_transport *transport, const char *channel, con
 
 // Waits up to `seconds` (0: not at all) for a message, then passes all that have arrived to their
 // handlers. `handled` (may be NULL) receives their number; it is also 0 when a signal ended the
-// wait. The memory transport never waits, since nobody could send meanwhile. PM_ENET.
+// wait. PM_ENET.
 pm_status pm_transport_wait(pm_transport *transport, double seconds, int *handled);
 
 // Returns a file descriptor for poll() that becomes readable when a message arrives, or -1 if the

@@ -180,16 +180,6 @@ static void send_to(outgoing *o, size_t size, int rank, int tag) {
     o->count += 1;
 }
 
-// True if an earlier entry of `own` has the channel of this one.
-static bool is_repeated(const mpi_endpoint *e, int id) {
-    const own_subscription *s = e->own.entry;
-    int i = 0;
-    while (strcmp(s[i].channel, s[id].channel) != 0) {
-        ++i;
-    }
-    return i < id;
-}
-
 // Tells every rank of the channels that are new. The list is sorted only after that, so that the
 // new ones are the last.
 static pm_status announce(mpi_endpoint *e) {
@@ -203,7 +193,11 @@ static pm_status announce(mpi_endpoint *e) {
     }
     size_t size = 0;
     for (int i = e->announced; i < e->own.count; ++i) {
-        if (!is_repeated(e, i)) {
+        int first = 0; // entry with the channel of this one
+        while (strcmp(s[first].channel, s[i].channel) != 0) {
+            ++first;
+        }
+        if (first == i) {
             memcpy(o->data + size, s[i].channel, PM_CHANNEL_SIZE);
             size += PM_CHANNEL_SIZE;
         }
@@ -249,16 +243,6 @@ static pm_status mpi_publish(void *state, const char *channel, const void *data,
 }
 
 // --- receiving ---
-
-// Adds what a rank subscribes to.
-static pm_status take_subscriptions(mpi_endpoint *e, size_t size, int rank) {
-    for (size_t i = 0; i + PM_CHANNEL_SIZE <= size; i += PM_CHANNEL_SIZE) {
-        rank_subscription s = {.rank = rank};
-        memcpy(s.channel, e->data + i, PM_CHANNEL_SIZE - 1);
-        PM_TRY(append(&e->others, &s, sizeof s));
-    }
-    return PM_OK;
-}
 
 // Passes a message to every handler of its channel.
 static void dispatch(mpi_endpoint *e, size_t size) {
@@ -312,7 +296,11 @@ static pm_status take_all(mpi_endpoint *e, int *handled) {
         int rank, tag;
         PM_TRY(take(e, &found, &size, &rank, &tag));
         if (found && tag == TAG_SUBSCRIPTIONS) {
-            PM_TRY(take_subscriptions(e, size, rank));
+            for (size_t i = 0; i + PM_CHANNEL_SIZE <= size; i += PM_CHANNEL_SIZE) {
+                rank_subscription s = {.rank = rank};
+                memcpy(s.channel, e->data + i, PM_CHANNEL_SIZE - 1);
+                PM_TRY(append(&e->others, &s, sizeof s));
+            }
         } else if (found) {
             dispatch(e, size);
             *handled += 1;
@@ -386,8 +374,7 @@ static pm_status mpi_place(int *rank, int *count) {
     return PM_OK;
 }
 
-static pm_status mpi_open(void **state, const char *url, pm_hub *hub, pm_drops *drops) {
-    (void)hub;
+static pm_status mpi_open(void **state, const char *url, pm_drops *drops) {
     int rank, nrank;
     PM_TRY(mpi_check(url));
     PM_TRY(mpi_place(&rank, &nrank));

@@ -11,8 +11,8 @@ static pm_status mpi_check(const char *url) {
     return fail();
 }
 
-static pm_status mpi_open(void **state, const char *url, pm_hub *hub, pm_drops *drops) {
-    (void)state, (void)url, (void)hub, (void)drops;
+static pm_status mpi_open(void **state, const char *url, pm_drops *drops) {
+    (void)state, (void)url, (void)drops;
     return fail();
 }
 

@@ -9,7 +9,7 @@
 typedef struct pm_transport_table {
     pm_status (*check)(const char *url); // called only with a scheme of this transport
     // `drops` counts the messages that the transport drops, and outlives the state.
-    pm_status (*open)(void **state, const char *url, pm_hub *hub, pm_drops *drops);
+    pm_status (*open)(void **state, const char *url, pm_drops *drops);
     void (*close)(void *state);
     pm_status (*subscribe)(void *state, const char *channel, pm_message_handler *handler,
                            void *context);
@@ -20,22 +20,11 @@ typedef struct pm_transport_table {
 } pm_transport_table;
 
 extern const pm_transport_table pm_transport_lcm;
-extern const pm_transport_table pm_transport_memory;
 extern const pm_transport_table pm_transport_mpi;
 
 // The transport that seals and checks messages in front of another transport. Its `check` and
 // `open` are NULL, because pm_transport_sealed_open opens it.
 extern const pm_transport_table pm_transport_sealed;
-
-// The transport that repeats chosen messages over LCM, in front of another one. Its `check` and
-// `open` are NULL, because pm_transport_tapped_open opens it.
-extern const pm_transport_table pm_transport_tapped;
-
-// Opens the state of a tapped transport in front of the transport `beneath`, whose functions are
-// `table`. The tapped transport owns and closes `beneath`. `tap` is described with
-// pm_transport_tap, and so are the errors; the caller then keeps `beneath`.
-pm_status pm_transport_tapped_open(void **state, const pm_transport_table *table, void *beneath,
-                                   const pm_tap *tap, pm_drops *drops);
 
 // Opens the state of a sealed transport in front of the transport `beneath`, whose functions are
 // `table`. The sealed transport owns and closes `beneath`. PM_ENOMEM; the caller then keeps

@@ -1,4 +1,4 @@
-// The page of `portmetd view`: draws the messages of its websocket (daemon/app/view_text.h) and
+// The page of `portmetd view`: draws the messages of its websocket (daemon/app/command_view.c) and
 // sends nothing. All frames that have come are kept, at most MOST; when there are more, every second
 // one of the older half is forgotten.
 "use strict";

@@ -10,8 +10,8 @@
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "bench.h"
-#include "learn/normalization.h"
-#include "learn/training.h"
+#include "fit/normalization.h"
+#include "fit/training.h"
 #include "sim/score.h"
 #include "simulate.h"
 

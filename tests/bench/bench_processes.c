@@ -15,7 +15,8 @@
 
 #include "base/linalg.h"
 #include "base/progress.h"
-#include "lockstep/lockstep.h"
+#include "lockstep/coordinator.h"
+#include "lockstep/node.h"
 #include "many_links.h"
 #include "sim/monolithic.h"
 
@@ -65,7 +66,7 @@ static pm_status open_links(bench *b, const char *configs, const char *shape) {
                              .steps = b->steps + WARM};
     PM_TRY(many_links_scene(&b->scene, &what));
     PM_TRY(pm_system_load(&b->system, b->scene, NULL));
-    b->links = b->scene->nsubsystem;
+    b->links = b->scene->physics.nsubsystem;
     b->z = many_links_states(b->scene);
     return b->z != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for %d links", b->links);
 }
@@ -107,11 +108,11 @@ static pm_status serve(bench *b, int process_id, int64_t session) {
     pm_transport *transport = NULL;
     pm_lockstep_node *node = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, b->url, NULL));
+    PM_TRY_DONE(pm_transport_open(&transport, b->url));
     PM_TRY_DONE(pm_lockstep_node_open(&node, b->system, process_id, transport, &options));
     const double clock = pm_clock(), cpu = processor_time();
     status = pm_lockstep_run_node(node, NULL);
-    print(b, b->scene->process[process_id].name, pm_clock() - clock, processor_time() - cpu,
+    print(b, b->scene->network.process[process_id].name, pm_clock() - clock, processor_time() - cpu,
           b->steps + WARM);
 done:
     pm_lockstep_node_close(node);
@@ -125,7 +126,7 @@ static pm_status conduct(bench *b, int64_t session) {
     pm_transport *transport = NULL;
     pm_lockstep_coordinator *coordinator = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_transport_open(&transport, b->url, NULL));
+    PM_TRY_DONE(pm_transport_open(&transport, b->url));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, b->system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, NULL);
     print(b, "coordinator", b->seconds, processor_time() - b->cpu, b->steps);

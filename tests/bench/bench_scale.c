@@ -45,7 +45,7 @@ static pm_status open_subject(subject *s, many_links what) {
     const double before = now();
     what.links = s->links;
     PM_TRY(many_links_scene(&s->scene, &what));
-    s->links = s->scene->nsubsystem; // a grid is a square
+    s->links = s->scene->physics.nsubsystem; // a grid is a square
     const double parsed = now();
     s->bytes[0] = allocated() - nothing;
     PM_TRY(pm_system_load(&s->system, s->scene, NULL));

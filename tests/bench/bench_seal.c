@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "bench.h"
+#include "tests/support/memory_hub.h"
 #include "transport/transport.h"
 
 #define LARGEST 65536
@@ -35,7 +36,7 @@ static void send_and_receive(void *context) {
 static pm_status wire_open(wire *w, size_t size, const pm_key *key) {
     w->size = size;
     PM_TRY(pm_hub_open(&w->hub, NULL));
-    PM_TRY(pm_transport_open(&w->transport, "memory://", w->hub));
+    PM_TRY(pm_hub_connect(w->hub, &w->transport));
     if (key != NULL) {
         PM_TRY(pm_transport_seal(w->transport, key, "sender@host", NULL, NULL));
     }

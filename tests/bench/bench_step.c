@@ -74,8 +74,8 @@ static pm_status load_chain(subject *s, const char *configs) {
 static pm_status open_subject(subject *s, const char *configs) {
     double z[LINKS * NZ];
     PM_TRY(load_chain(s, configs));
-    s->scene->integrator = pm_integrator_find(s->integrator);
-    s->scene->dt = DT;
+    s->scene->physics.integrator = pm_integrator_find(s->integrator);
+    s->scene->physics.dt = DT;
     for (int i = 0; i < s->links; ++i) {
         memcpy(z + i * NZ, start + (i == 0 ? 0 : NZ), NZ * sizeof *z);
         z[i * NZ] += 0.01 * i;

@@ -10,8 +10,9 @@
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "bench.h"
+#include "graph/node.h"
 #include "graph/program.h"
-#include "learn/objective.h"
+#include "loss/objective.h"
 #include "model/network.h"
 #include "scene/model_reader.h"
 
@@ -43,6 +44,7 @@ static double multiply_adds(const product *p) {
 typedef struct network {
     pm_params params;
     pm_program *forward, *derivative, *gradient;
+    double work[3]; // multiply-adds of one run of each
 } network;
 
 static void run_forward(void *context) {
@@ -55,6 +57,29 @@ static void run_derivative(void *context) {
 
 static void run_gradient(void *context) {
     pm_program_run(((network *)context)->gradient, BATCH);
+}
+
+// Returns the number of multiply-adds in the matrix products that the outputs need, for one run.
+static double count_work(const pm_graph *g, int count, const pm_node *output) {
+    bool *needed = calloc((size_t)pm_graph_size(g), sizeof *needed);
+    double sum = 0;
+    for (int i = 0; i < count; ++i) {
+        needed[output[i]] = true;
+    }
+    for (pm_node x = pm_graph_size(g) - 1; x >= 0; --x) {
+        const pm_graph_node *node = pm_graph_node_at(g, x);
+        for (int i = 0; i < node->noperand && needed[x]; ++i) {
+            needed[node->operand[i]] = true;
+        }
+        if (needed[x] && (node->op == PM_OP_MATMUL || node->op == PM_OP_MATMUL_SUM)) {
+            const pm_shape a = pm_graph_shape(g, node->operand[0]);
+            const bool by_rows = node->op == PM_OP_MATMUL_SUM || (node->first & 1) != 0;
+            sum += (double)node->shape.rows * node->shape.cols * (by_rows ? a.rows : a.cols) *
+                   (node->shape.batched || a.batched ? BATCH : 1);
+        }
+    }
+    free(needed);
+    return sum;
 }
 
 static pm_status open_programs(network *n, pm_graph *g, const pm_network_spec *spec,
@@ -86,6 +111,9 @@ static pm_status open_programs(network *n, pm_graph *g, const pm_network_spec *s
     PM_TRY(pm_program_open(&n->forward, g, 1, &E, BATCH));
     PM_TRY(pm_program_open(&n->derivative, g, 1, &dE, BATCH));
     PM_TRY(pm_program_open(&n->gradient, g, noutput, output, BATCH));
+    n->work[0] = count_work(g, 1, &E);
+    n->work[1] = count_work(g, 1, &dE);
+    n->work[2] = count_work(g, noutput, output);
     pm_rng rng;
     pm_rng_init(&rng, 1, 0);
     for (int i = 0; i < BATCH * NZ; ++i) {
@@ -103,7 +131,8 @@ static pm_status open_network(network *n) {
     static const int hidden[LAYERS] = {WIDTH, WIDTH, WIDTH, WIDTH, WIDTH, WIDTH};
     const pm_network_spec spec = {
         .nfeature = 1, .feature = feature, .nhidden = LAYERS, .hidden = hidden};
-    const pm_layout layout = {.ngroup = 1, .group = (pm_group[]){{"z", "1", NZ, 0}}, .nz = NZ};
+    const pm_layout layout = {
+        .ngroup = 1, .group = (pm_group[]){{"z", "1", NZ, 0, PM_ROLE_OTHER}}, .nz = NZ};
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, NULL, &layout, "", PM_NO_NODE);
     PM_TRY(pm_network_declare(&spec, &symbols, 1, NULL, &n->params, "energy"));
@@ -169,7 +198,7 @@ static pm_status open_fitting(fitting *f) {
     PM_TRY(pm_scene_parse(&f->scene, scene_text, "scene"));
     PM_TRY(pm_system_new(&f->system, f->scene));
     PM_TRY(declare_part(f->system));
-    PM_TRY(pm_dataset_new(&f->data, 1, BATCH + 1, NZ, f->scene->dt, columns));
+    PM_TRY(pm_dataset_new(&f->data, 1, BATCH + 1, NZ, f->scene->physics.dt, columns));
     pm_rng rng;
     pm_rng_init(&rng, 1, 3);
     for (int i = 0; i < (BATCH + 1) * NZ; ++i) {
@@ -210,7 +239,6 @@ static pm_status report(const network *n, const product *p, const bench_time *ti
                                         "E, dE/dz",
                                         "E, dE/dz, loss, gradient by all weights",
                                         "the same by fit, two threads together"};
-    const pm_program *programs[] = {n->forward, n->derivative, n->gradient, n->gradient};
     bench_table *table = NULL;
     PM_TRY(bench_table_open(&table, path));
     // The mean rate of one product of each kind, as a backward pass has them.
@@ -222,8 +250,7 @@ static pm_status report(const network *n, const product *p, const bench_time *ti
     }
     const double rate = 2 * work / seconds / 1e9;
     for (int i = 0; i < 4; ++i) {
-        bench_table_add(table, names[3 + i], time[3 + i],
-                        2 * pm_program_multiply_adds(programs[i], BATCH), rate);
+        bench_table_add(table, names[3 + i], time[3 + i], 2 * n->work[i < 3 ? i : 2], rate);
     }
     printf("%zu weights, batches of %d; G/s: 1e9 floating-point operations of matrix products per "
            "second of CPU time\n",

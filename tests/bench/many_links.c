@@ -127,10 +127,10 @@ pm_status many_links_scene(pm_scene **scene, const many_links *what) {
 }
 
 double *many_links_states(const pm_scene *scene) {
-    double *z = malloc((size_t)scene->nz * sizeof *z);
+    double *z = malloc((size_t)scene->physics.nz * sizeof *z);
     pm_rng rng;
     pm_rng_init(&rng, SEED, 0);
-    for (int i = 0; z != NULL && i < scene->nz; ++i) {
+    for (int i = 0; z != NULL && i < scene->physics.nz; ++i) {
         z[i] = start[i < NZ ? i : NZ + i % NZ] + 0.05 * pm_rng_normal(&rng);
     }
     return z;

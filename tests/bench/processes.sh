@@ -4,12 +4,7 @@
 # and networks of 10,000 links in two and in eight processes, and in two on hosts of their own, which are network
 # namespaces with a virtual cable between them. Prints the median over the rounds for each process: microseconds for a
 # step by the clock, of processor time, and of waiting, and the bytes that all processes send for a step over LCM.
-if [ "${PM_PRIVATE_NETWORK:-}" != yes ]; then
-    PM_PRIVATE_NETWORK=yes exec unshare -n sh "$0" "$@"
-fi
-ip link set lo up
-ip link set lo multicast on
-ip route add 224.0.0.0/4 dev lo
+. "$(dirname "$0")/../support/private_network.sh"
 bench=$1
 configs=$2
 rounds=${3:-5}

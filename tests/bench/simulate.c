@@ -9,7 +9,7 @@ pm_status bench_simulate(pm_dataset **dataset, const char *path, int count) {
     pm_truth *truth = NULL;
     double *check = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_truth_load(&truth, path));
+    PM_TRY_DONE(pm_truth_load(&truth, path, NULL));
     PM_TRY_DONE(pm_dataset_new(dataset, count, truth->ntime, truth->model.ode.nz, truth->dt,
                                truth->model.column));
     check = calloc((size_t)truth->ntime * (size_t)(*dataset)->ncolumn, sizeof *check);

@@ -50,7 +50,7 @@ static void listen_to(void *context, const char *channel, const void *bytes, siz
 }
 
 static void open_ear(ear *e, const char *url) {
-    require(pm_transport_open(&e->transport, url, NULL));
+    require(pm_transport_open(&e->transport, url));
     require(pm_transport_subscribe(e->transport, "pair_WANTED", listen_to, e));
     require(pm_transport_wait(e->transport, 0, NULL));
 }
@@ -110,7 +110,7 @@ static void send_garbage(void) {
 int main(void) {
     static const size_t sizes[] = {0, 1, 8, 92, 1400, 65400, 65499, 65600, 200000, LARGEST};
     const int count = (int)(sizeof sizes / sizeof sizes[0]);
-    ear e[2] = {{NULL, 0, 0, 0}, {NULL, 0, 0, 0}};
+    ear e[2] = {{0}, {0}};
     pm_transport *mouth = NULL;
     int said = 0;
     for (size_t i = 0; i < LARGEST; ++i) {
@@ -118,7 +118,7 @@ int main(void) {
     }
     open_ear(&e[0], URL "&receive=own");
     open_ear(&e[1], URL "&receive=lcm");
-    require(pm_transport_open(&mouth, URL, NULL));
+    require(pm_transport_open(&mouth, URL));
     for (int i = 0; i < count; ++i) {
         said += say(mouth, e, sizes[i]);
     }

@@ -2,16 +2,7 @@
 # root, or skips it (77). Gives it a scene folder and helpers; PORTMETD MAKE_SCENE SAME_RECORDING are
 # the test's arguments.
 set -u
-if [ "${PM_PRIVATE_NETWORK:-}" != yes ]; then
-    if ! { [ "$(id -u)" -eq 0 ] && unshare -n true; } 2>/dev/null; then
-        echo "skipped: a private network needs root"
-        exit 77
-    fi
-    PM_PRIVATE_NETWORK=yes exec unshare -n sh "$0" "$@"
-fi
-ip link set lo up
-ip link set lo multicast on
-ip route add 224.0.0.0/4 dev lo
+. "$(dirname "$0")/../support/private_network.sh"
 
 portmetd=$1
 make_scene=$2

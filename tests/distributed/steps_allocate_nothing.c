@@ -6,9 +6,11 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-#include "lockstep/lockstep.h"
+#include "lockstep/coordinator.h"
+#include "lockstep/node.h"
 #include "tests/support/allocations.h"
 #include "tests/support/fixture.h"
+#include "tests/support/together.h"
 
 #define COUNT 3
 #define STEPS 40
@@ -40,10 +42,10 @@ static int check_run(const char *url, int window, const char *folder) {
     pm_lockstep_node *node[COUNT];
     pm_lockstep_coordinator *coordinator = NULL;
     fixture_open(&f, COUNT, 1);
-    f.scene->window = window;
-    f.scene->checkpoint = 5;
+    f.scene->network.window = window;
+    f.scene->network.checkpoint = 5;
     for (int i = 0; i <= COUNT; ++i) {
-        require(pm_transport_open(&transport[i], url, NULL));
+        require(pm_transport_open(&transport[i], url));
         if (folder != NULL) {
             require(pm_transport_seal(transport[i], &key, "sender@host", NULL, NULL));
             snprintf(path[i], sizeof path[i], "%s/%d", folder, i);
@@ -60,7 +62,7 @@ static int check_run(const char *url, int window, const char *folder) {
         .observer = {.context = count, .step = observe},
         .checkpoint = folder == NULL ? NULL : path[COUNT]};
     require(pm_lockstep_coordinator_open(&coordinator, f.system, transport[COUNT], &options));
-    require(pm_lockstep_run_together(coordinator, COUNT, node, NULL));
+    require(run_together(coordinator, COUNT, node, NULL));
     pm_lockstep_coordinator_close(coordinator);
     for (int i = 0; i < COUNT; ++i) {
         pm_lockstep_node_close(node[i]);

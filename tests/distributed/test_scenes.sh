@@ -31,14 +31,6 @@ keeps half_analytic_double_pendulum 200
 same_bits half_analytic_double_pendulum 200
 keeps gas_containers 400
 same_bits gas_containers 400
-# A part with steps of its own between two exchanges.
-sed -e "s,reference/,$(realpath "$configs")/reference/," -e 's/rk4, substeps: 16/multirate3_balanced, substeps: 8/' \
-    -e 's/^    constants: {m: 2.0/    substeps: 3\n&/' "$configs/analytic_double_pendulum.yaml" >"$folder/rates.yaml"
-"$portmetd" check "$folder/rates.yaml" | grep -q "3 steps of its own between two exchanges" || fail "rates: check"
-"$portmetd" run "$folder/rates.yaml" --steps 100 --in-process --record "$folder/rates.h5" >"$folder/rates.out" ||
-    fail "rates: does not run"
-grep -q "steps in violation: 0;" "$folder/rates.out" || fail "rates: a law is violated"
-same_bits rates 100 "$folder"
 
 # Substeps that follow the error: the coordinator chooses as one process does.
 sed -e "s,reference/,$(realpath "$configs")/reference/," -e 's/rk4, substeps: 16/rk4_balanced, tolerance: 3.0e-5/' \

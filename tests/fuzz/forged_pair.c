@@ -8,6 +8,7 @@
 #include "lockstep/coordinator.h"
 #include "lockstep/node.h"
 #include "tests/support/fixture.h"
+#include "tests/support/memory_hub.h"
 #include "transport/channel.h"
 
 #define STEPS 24
@@ -84,7 +85,7 @@ static void check(bool holds, const char *what) {
 
 static pm_status observe(void *context, const pm_sample *sample) {
     pair *p = context;
-    const size_t count = (size_t)scenes[p->scene].scene->nz;
+    const size_t count = (size_t)scenes[p->scene].scene->physics.nz;
     if (!known[p->scene]) {
         memcpy(truth[p->scene][sample->step], sample->z, count * sizeof(double));
     } else if (memcmp(truth[p->scene][sample->step], sample->z, count * sizeof(double)) != 0) {
@@ -107,7 +108,7 @@ static void pair_open(pair *p, int scene, bool lossy) {
     *p = (pair){.scene = scene, .lossy = lossy, .now = 100, .moved = 100};
     const pm_hub_faults faults = {.seed = 1, .drop = 0.1, .duplicate = 0.1};
     check(pm_hub_open(&p->hub, lossy ? &faults : NULL) == PM_OK, "hub");
-    check(pm_transport_open(&p->stranger, "memory://", p->hub) == PM_OK, "transport");
+    check(pm_hub_connect(p->hub, &p->stranger) == PM_OK, "transport");
     for (int i = 0; i < FORGED_CHANNELS; ++i) {
         p->ears[i].channel = channels[i];
         check(pm_transport_subscribe(p->stranger, channels[i], hear, &p->ears[i]) == PM_OK, "ear");
@@ -120,7 +121,7 @@ static void pair_open(pair *p, int scene, bool lossy) {
     };
     const pm_lockstep_node_options node_options = {.z = f->z, .session = SESSION};
     for (int i = 0; i <= NODES; ++i) {
-        check(pm_transport_open(&p->transport[i], "memory://", p->hub) == PM_OK, "transport");
+        check(pm_hub_connect(p->hub, &p->transport[i]) == PM_OK, "transport");
     }
     for (int i = 0; i < NODES; ++i) {
         check(pm_lockstep_node_open(&p->node[i], f->system, i, p->transport[i], &node_options) ==
@@ -262,12 +263,12 @@ static void prepare(int scene) {
         return;
     }
     fixture_open(&scenes[scene], NODES, 1234);
-    scenes[scene].scene->patience = PATIENCE;
+    scenes[scene].scene->network.patience = PATIENCE;
     if (scene == 1) {
-        scenes[scene].scene->integrator = pm_integrator_find("euler");
-        scenes[scene].scene->substeps = 1;
+        scenes[scene].scene->physics.integrator = pm_integrator_find("euler");
+        scenes[scene].scene->physics.substeps = 1;
     }
-    check(scenes[scene].scene->nz <= MOST_STATE, "a large state");
+    check(scenes[scene].scene->physics.nz <= MOST_STATE, "a large state");
     pair p;
     forged_figures none = {.runs = 0};
     pair_open(&p, scene, false);

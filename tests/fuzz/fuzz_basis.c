@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bodies/modal/basis.h"
 #include "bytes_file.h"
-#include "modal/basis.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

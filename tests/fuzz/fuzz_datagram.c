@@ -4,7 +4,7 @@
 #include <stdint.h>
 
 // The way from a datagram to its handler is private to the receiver.
-#include "transport/receiver.c"
+#include "transport/transport_lcm.c"
 
 #include "lockstep/codec.h"
 #include "transport/seal.h"
@@ -35,16 +35,16 @@ static void listen_to(void *context, const char *channel, const void *data, size
     free(copy);
 }
 
-static void receiver_fill(pm_receiver *r, pm_drops *drops, pm_seal *seal) {
-    *r = (pm_receiver){.file = -1, .drops = drops};
+static void receiver_fill(receiver *r, pm_drops *drops, pm_seal *seal) {
+    *r = (receiver){.file = -1, .drops = drops};
     for (int i = 0; i < CHANNELS; ++i) {
-        check(pm_receiver_subscribe(r, channels[i], listen_to, seal) == PM_OK);
+        check(receiver_subscribe(r, channels[i], listen_to, seal) == PM_OK);
     }
     qsort(r->subscription, (size_t)r->count, sizeof *r->subscription, compare_channels);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    static pm_receiver r;
+    static receiver r;
     static pm_seal *seal;
     if (seal == NULL) {
         const pm_key key = {{1}};

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bodies/field/field.h"
 #include "bytes_file.h"
-#include "store/field.h"
 #include "store/hdf5_io.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

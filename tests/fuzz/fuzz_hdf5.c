@@ -27,9 +27,10 @@ static pm_status try_weights(void) {
     pm_provenance provenance;
     pm_part part = {0};
     pm_port_model port = {0};
-    const pm_status status = pm_weights_load_part(PM_FUZZ_FILE, &arena, &part, &provenance);
+    const pm_status status =
+        pm_weights_load(PM_FUZZ_FILE, &arena, pm_component_of_part(&part), &provenance);
     check_status(status);
-    check_status(pm_weights_load_port(PM_FUZZ_FILE, &arena, &port, &provenance));
+    check_status(pm_weights_load(PM_FUZZ_FILE, &arena, pm_component_of_port(&port), &provenance));
     pm_part_free(&part);
     pm_port_free(&port);
     pm_arena_free(&arena);

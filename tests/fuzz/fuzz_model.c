@@ -23,8 +23,11 @@ static void check(int holds) {
     }
 }
 
-static const pm_layout layout = {
-    3, (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
+static const pm_layout layout = {3,
+                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
+                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
+                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}},
+                                 5};
 static bool is_small_network(const pm_network_spec *spec) {
     long numbers = spec->skip >= PM_SKIP_QUADRATIC ? 100L * spec->nfeature * spec->nfeature : 0;
     int width = 5 * spec->nfeature;

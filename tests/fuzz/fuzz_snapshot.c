@@ -7,7 +7,6 @@
 
 #include "base/digest.h"
 #include "bytes_file.h"
-#include "store/checkpoint.h"
 #include "store/snapshot.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bodies/bodies.h"
 #include "bytes_file.h"
-#include "learn/training.h"
-#include "truth/truth.h"
+#include "fit/training.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -23,7 +23,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     }
     pm_training_free(training);
     pm_truth *truth = NULL;
-    if (pm_truth_load(&truth, PM_FUZZ_FILE) != PM_OK) {
+    if (pm_truth_load(&truth, PM_FUZZ_FILE, pm_body_simulators) != PM_OK) {
         check(truth == NULL && pm_error()[0] != '\0' && strchr(pm_error(), '\n') == NULL);
     }
     pm_truth_free(truth);

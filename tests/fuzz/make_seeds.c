@@ -6,11 +6,10 @@
 #include <unistd.h>
 
 #include "base/rng.h"
+#include "bodies/field/field.h"
+#include "bodies/modal/basis.h"
 #include "lockstep/codec.h"
-#include "modal/basis.h"
-#include "store/checkpoint.h"
 #include "store/dataset.h"
-#include "store/field.h"
 #include "store/snapshot.h"
 
 static pm_status make_dataset(void) {

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "learn/optimiser.h"
+#include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
 
 #define COUNT 40

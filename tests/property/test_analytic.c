@@ -92,8 +92,8 @@ static void start_of(const pm_chain *chain, double *z) {
 
 static void roll_out(const pendula *p, const double *start, const char *method, int substeps,
                      double z[STEPS + 1][NZ]) {
-    p->scene->integrator = pm_integrator_find(method);
-    p->scene->substeps = substeps;
+    p->scene->physics.integrator = pm_integrator_find(method);
+    p->scene->physics.substeps = substeps;
     pm_monolithic *assembly = NULL;
     require(pm_monolithic_open(&assembly, p->system));
     pm_monolithic_set_state(assembly, start);
@@ -234,13 +234,13 @@ static void given_pairs_dissipate(void **state) {
     require(pm_system_load(&system, scene, NULL));
     require(pm_monolithic_open(&assembly, system));
     pm_monolithic_set_state(assembly, start);
-    scene->integrator = pm_integrator_find("euler");
-    scene->dt = 1e-6;
+    scene->physics.integrator = pm_integrator_find("euler");
+    scene->physics.dt = 1e-6;
     pm_monolithic *tiny = NULL;
     require(pm_monolithic_open(&tiny, system));
     pm_monolithic_set_state(tiny, start);
     require(pm_monolithic_step(tiny));
-    check_first_step(tiny, scene->dt, start);
+    check_first_step(tiny, scene->physics.dt, start);
     check_laws(assembly);
     pm_monolithic_close(tiny);
     pm_monolithic_close(assembly);

@@ -1,5 +1,5 @@
-// A batch gives every subsystem the bits, fluxes and counts that it has when it is stepped alone,
-// in one process and in several.
+// Subsystems that are evaluated together, in blocks of many lanes, have the bits, fluxes and counts
+// that each has in a process of its own.
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,15 +12,16 @@
 
 #include "base/linalg.h"
 #include "base/rng.h"
-#include "sim/batch.h"
-#include "sim/local_subsystems.h"
 #include "sim/monolithic.h"
+#include "sim/step_controller.h"
+#include "tests/support/divided.h"
 
 #define SEED 1807u
 #define NZ 5
 #define MOST_LINKS 300
 
-// Chains of few links are stepped one by one (monolithic.c), so that both ways can be compared.
+// Five links have the weights of the upper one and ten those of the lower one, so that blocks of
+// one lane and of several stand beside each other.
 #define LINKS 15
 
 static const double start[2 * NZ] = {4.5, 4.4, -0.5, 1.4, -0.1, -2.7, 0.1, 1.4, -0.2, 0.1};
@@ -35,15 +36,6 @@ static void require(pm_status status) {
     if (status != PM_OK) {
         fail_msg("%s", pm_error());
     }
-}
-
-// Returns the positions of all subsystems.
-static const int *all(void) {
-    static int id[MOST_LINKS];
-    for (int i = 0; i < MOST_LINKS; ++i) {
-        id[i] = i;
-    }
-    return id;
 }
 
 // Joints of a tangled chain beside those between neighbours. Each link has several joints, whose
@@ -99,53 +91,49 @@ static void close_chain(subject *s) {
 }
 
 static void check_equal(const pm_scene *scene, const pm_sample *a, const pm_sample *b, long step) {
-    const size_t n = (size_t)scene->nsubsystem;
-    for (int i = 0; i < scene->nz; ++i) {
+    const size_t n = (size_t)scene->physics.nsubsystem;
+    for (int i = 0; i < scene->physics.nz; ++i) {
         if (memcmp(&a->z[i], &b->z[i], sizeof a->z[i]) != 0) {
-            fail_msg("seed %u, step %ld: z[%d] is %.17g in the batch, %.17g alone", SEED, step, i,
+            fail_msg("seed %u, step %ld: z[%d] is %.17g together, %.17g alone", SEED, step, i,
                      a->z[i], b->z[i]);
         }
     }
-    assert_memory_equal(a->energy, b->energy, n * sizeof *a->energy);
-    assert_memory_equal(a->entropy, b->entropy, n * sizeof *a->entropy);
-    assert_memory_equal(a->bulk_energy, b->bulk_energy, n * sizeof *a->bulk_energy);
-    assert_memory_equal(a->bulk_entropy, b->bulk_entropy, n * sizeof *a->bulk_entropy);
-    assert_memory_equal(a->bulk_gross, b->bulk_gross, 2 * n * sizeof *a->bulk_gross);
-    assert_memory_equal(a->flux, b->flux, (size_t)scene->nport * sizeof *a->flux);
-    assert_memory_equal(a->outside, b->outside, n * sizeof *a->outside);
-    assert_memory_equal(a->error, b->error, n * sizeof *a->error);
-    for (size_t i = 0; i < n; ++i) {
-        assert_int_equal(a->evaluated[i], b->evaluated[i]);
-        assert_int_equal(a->skipped[i], b->skipped[i]);
-    }
+#define SAME(member, name, series, unit) assert_memory_equal(a->name, b->name, n * sizeof *a->name);
+    PM_SUBSYSTEM_NUMBERS(SAME, SAME)
+    assert_memory_equal(a->flux, b->flux, (size_t)scene->physics.nport * sizeof *a->flux);
 }
 
-// Compares a batch with links that are stepped alone, over two runs of 20 steps.
+// Compares a chain in one process with links that each have their own, over two runs of 20 steps.
 static void compare_chain(const subject *s) {
-    pm_batch *batch = NULL;
-    pm_monolithic *alone = NULL;
+    pm_monolithic *together = NULL;
+    divided alone;
     pm_sample *sample = NULL;
-    require(pm_batch_open(&batch, s->system, s->scene->nsubsystem, all()));
-    assert_non_null(batch);
-    require(pm_monolithic_open(&alone, s->system));
+    require(pm_monolithic_open(&together, s->system));
+    divided_open(&alone, s->system, 0, NULL);
     require(pm_sample_new(&sample, s->scene));
     for (int run = 0; run < 2; ++run) { // a second run starts anew
-        pm_batch_set_state(batch, s->z);
-        pm_monolithic_set_state(alone, s->z);
+        pm_step_controller controller;
+        require(pm_step_controller_init(&controller, s->scene));
+        pm_monolithic_set_state(together, s->z);
+        divided_set_state(&alone, s->z);
         for (long step = 0; step <= 20; ++step) {
-            pm_batch_set_substeps(batch, pm_monolithic_substeps(alone));
-            require(step > 0 ? pm_batch_step(batch) : PM_OK);
-            require(step > 0 ? pm_monolithic_step(alone) : PM_OK);
-            pm_batch_fill_sample(batch, sample);
-            check_equal(s->scene, sample, pm_monolithic_sample(alone), step);
+            for (int i = 0; i < alone.count; ++i) {
+                pm_local_subsystems_set_substeps(alone.local[i], controller.substeps);
+            }
+            require(step > 0 ? divided_step(&alone) : PM_OK);
+            require(step > 0 ? pm_monolithic_step(together) : PM_OK);
+            divided_fill_sample(&alone, sample);
+            check_equal(s->scene, pm_monolithic_sample(together), sample, step);
+            sample->step = step;
+            pm_step_controller_note(&controller, sample);
         }
     }
     pm_sample_free(sample);
-    pm_monolithic_close(alone);
-    pm_batch_close(batch);
+    pm_monolithic_close(together);
+    divided_close(&alone);
 }
 
-static void a_batch_has_the_bits_of_its_parts(void **state) {
+static void blocks_have_the_bits_of_their_lanes(void **state) {
     (void)state;
     static const char *const integrators[] = {"euler", "heun", "rk4"};
     for (size_t i = 0; i < 12; ++i) {
@@ -164,8 +152,8 @@ static void balanced_and_adaptive_steps_have_these_bits(void **state) {
     for (int i = 0; i < 14; ++i) {
         subject s = {0};
         open_chain(&s, integrators[i / 2 % 4], LINKS, true, i % 2);
-        s.scene->dt = 0.2;
-        s.scene->tolerance = i < 6 ? 1e-5 : 0;
+        s.scene->physics.dt = 0.2;
+        s.scene->physics.tolerance = i < 6 ? 1e-5 : 0;
         compare_chain(&s);
         close_chain(&s);
     }
@@ -196,232 +184,65 @@ static const char web[] =
     "    expose: {\"n[i+2]\": [q, p], \"n[i]\": [q, p]}}\n"
     "  \"c[0:150]\": {law: bracket, between: [\"n[i]\", \"n[i+9]\"], model: knot,\n"
     "    expose: {\"n[i]\": [q, p], \"n[i+9]\": [q, p]}}\n";
-// Subsystems that a plain loop steps one by one.
-typedef struct one_by_one {
-    const pm_scene *scene;
-    pm_subsystem *node[NODES];
-    int position[NODES * 4][2]; // of a port in the list of each end
-} one_by_one;
 
-static void open_alone(one_by_one *a, const pm_system *system) {
-    a->scene = system->scene;
-    for (int i = 0; i < NODES; ++i) {
-        require(pm_subsystem_open(&a->node[i], system, i));
-        for (int j = 0; j < pm_subsystem_nport(a->node[i]); ++j) {
-            a->position[pm_subsystem_port_id(a->node[i], j)][pm_subsystem_end(a->node[i], j)] = j;
-        }
-    }
-}
+#define MOST_PROCESSES 3
 
-static void step_alone(one_by_one *a, pm_sample *sample) {
-    while (!pm_subsystem_completes_step(a->node[0])) {
-        for (int i = 0; i < NODES; ++i) {
-            pm_subsystem_expose(a->node[i]);
-        }
-        for (int i = 0; i < NODES; ++i) {
-            pm_subsystem *s = a->node[i];
-            pm_subsystem_bulk(s);
-            for (int j = 0; j < pm_subsystem_nport(s); ++j) {
-                const int port = pm_subsystem_port_id(s, j),
-                          other = 1 - (int)pm_subsystem_end(s, j);
-                pm_subsystem *peer = a->node[a->scene->port[port].subsystem[other]];
-                pm_subsystem_couple(s, j, pm_subsystem_values(peer, a->position[port][other]));
-            }
-        }
-        for (int i = 0; i < NODES; ++i) {
-            pm_subsystem_advance(a->node[i]);
-        }
-    }
-    for (int i = 0; i < NODES; ++i) {
-        require(pm_subsystem_end_step(a->node[i]));
-        pm_subsystem_fill_sample(a->node[i], sample);
-    }
-}
-
-static void compare_web(const char *integrator) {
-    char text[4096];
-    subject s = {0};
-    one_by_one a = {0};
-    pm_batch *batch = NULL;
-    pm_sample *one = NULL, *two = NULL;
-    snprintf(text, sizeof text, web, integrator);
-    require(pm_scene_parse(&s.scene, text, "web.yaml"));
-    require(pm_system_load(&s.system, s.scene, NULL));
-    require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
-    assert_non_null(batch);
-    open_alone(&a, s.system);
-    require(pm_sample_new(&one, s.scene));
-    require(pm_sample_new(&two, s.scene));
-    // Only the first oscillators move at first, and whole blocks rest until the motion reaches
-    // them.
-    for (int i = 0; i < 2 * NODES; ++i) {
-        s.z[i] = i < 12 ? 0.3 + 0.1 * i : 1;
-    }
-    pm_batch_set_state(batch, s.z);
-    for (int i = 0; i < NODES; ++i) {
-        pm_subsystem_set_state(a.node[i], s.z + 2 * (ptrdiff_t)i);
-    }
-    for (long step = 1; step <= 30; ++step) {
-        require(pm_batch_step(batch));
-        pm_batch_fill_sample(batch, one);
-        step_alone(&a, two);
-        check_equal(s.scene, one, two, step);
-        assert_true(step > 1 || one->z[WAKES] == 1);
-    }
-    assert_true(one->z[WAKES] != 1);
-    for (int i = 0; i < NODES; ++i) {
-        pm_subsystem_close(a.node[i]);
-    }
-    pm_sample_free(one);
-    pm_sample_free(two);
-    pm_batch_close(batch);
-    close_chain(&s);
-}
-
-static void blocks_rest_and_sum_in_the_order_of_the_scene(void **state) {
-    (void)state;
-    compare_web("euler");
-    compare_web("rk4_balanced");
-}
-
-// --- several processes ---
-
-#define PROCESSES 3
-
-// Subsystems of several processes that exchange their values in memory.
-typedef struct process {
-    int id[NODES];
-    pm_local_subsystems *local;
-} process;
-
-// Opens the processes. A subsystem belongs to the process whose number is the rest of its block.
-static void open_processes(process *p, const pm_system *system, int block, const double *z) {
-    int count[PROCESSES] = {0};
-    for (int i = 0; i < NODES; ++i) {
-        const int owner = i / block % PROCESSES;
-        p[owner].id[count[owner]++] = i;
-    }
-    for (int i = 0; i < PROCESSES; ++i) {
-        require(pm_local_subsystems_open(&p[i].local, system, count[i], p[i].id));
-        pm_local_subsystems_set_state(p[i].local, z);
-    }
-}
-
-static void close_processes(process *p) {
-    for (int i = 0; i < PROCESSES; ++i) {
-        pm_local_subsystems_close(p[i].local);
-    }
-}
-
-// Hands over to a process what the others show at the other side of one of its remote ends.
-static void hand_over(const process *p, pm_local_subsystems *to, int remote) {
-    const pm_remote_end end = pm_local_subsystems_remote(to, remote);
-    for (int i = 0; i < PROCESSES; ++i) {
-        for (int k = 0; k < pm_local_subsystems_nremote(p[i].local); ++k) {
-            const pm_remote_end other = pm_local_subsystems_remote(p[i].local, k);
-            if (other.port_id == end.port_id && other.end != end.end) {
-                double y[2], e[2], eta[2];
-                pm_local_subsystems_show(p[i].local, k, y, e, eta, NULL, NULL);
-                const pm_port_values values = {.ny = 2, .y = y, .e = e, .eta = eta};
-                pm_local_subsystems_hear(to, remote, &values);
-            }
-        }
-    }
-}
-
-// Copies the books and the state of subsystem number `i` of a process into the sample.
-static void fill_sample(const pm_local_subsystems *local, int i, int id, const pm_scene *scene,
-                        pm_sample *sample) {
-    const pm_books books = pm_local_subsystems_books(local, i);
-    pm_sample_set_books(sample, id, &books);
-    for (int k = 0; k < books.nflux; ++k) {
-        const int at = scene->end_at[scene->first_end[id] + k];
-        sample->flux[at / 2][at % 2] = books.flux[k];
-    }
-    pm_local_subsystems_state(local, i, sample->z + scene->subsystem[id].first);
-}
-
-static void step_processes(process *p, const pm_scene *scene, pm_sample *sample) {
-    while (!pm_local_subsystems_completes_step(p[0].local)) {
-        for (int i = 0; i < PROCESSES; ++i) {
-            pm_local_subsystems_expose(p[i].local);
-            pm_local_subsystems_bulk(p[i].local);
-            for (int k = 0; k < pm_local_subsystems_nremote(p[i].local); ++k) {
-                hand_over(p, p[i].local, k);
-            }
-        }
-        for (int i = 0; i < PROCESSES; ++i) {
-            pm_local_subsystems_couple(p[i].local);
-        }
-        for (int i = 0; i < PROCESSES; ++i) {
-            pm_local_subsystems_advance(p[i].local);
-        }
-    }
-    for (int i = 0; i < PROCESSES; ++i) {
-        require(pm_local_subsystems_end_step(p[i].local));
-    }
-    for (int i = 0; i < PROCESSES; ++i) {
-        for (int k = 0; k < NODES && (k == 0 || p[i].id[k] > 0); ++k) {
-            fill_sample(p[i].local, k, p[i].id[k], scene, sample);
-        }
-    }
-}
-// Replaces every process by a new one that continues from its checkpoint.
-static void replace_processes(process *p, const pm_system *system, int block, const double *z) {
-    double *saved[PROCESSES];
-    for (int i = 0; i < PROCESSES; ++i) {
-        pm_record count = pm_record_count("process");
-        pm_local_subsystems_record(p[i].local, &count);
-        saved[i] = calloc((size_t)count.count, sizeof(double));
-        assert_non_null(saved[i]);
-        pm_record save = pm_record_save("process", saved[i]);
-        pm_local_subsystems_record(p[i].local, &save);
-    }
-    close_processes(p);
-    memset(p, 0, PROCESSES * sizeof *p);
-    open_processes(p, system, block, z);
-    for (int i = 0; i < PROCESSES; ++i) {
-        pm_record restore = pm_record_restore("process", saved[i]);
-        pm_local_subsystems_record(p[i].local, &restore);
-        free(saved[i]);
-    }
-}
-
-static void compare_processes(const char *integrator, int block) {
+// Compares the web in one process with the web in several. The process of an oscillator is the
+// number of its block of `block` ones, modulo MOST_PROCESSES; with a block of 0 each has its own.
+// Now and then new processes continue from the checkpoints of the others.
+static void compare_web(const char *integrator, int block) {
     char text[4096];
     subject s = {0};
     pm_monolithic *whole = NULL;
     pm_sample *sample = NULL;
-    process p[PROCESSES] = {0};
+    divided d;
+    int process[NODES];
     snprintf(text, sizeof text, web, integrator);
     require(pm_scene_parse(&s.scene, text, "web.yaml"));
     require(pm_system_load(&s.system, s.scene, NULL));
     require(pm_monolithic_open(&whole, s.system));
     require(pm_sample_new(&sample, s.scene));
-    for (int i = 0; i < 2 * NODES; ++i) {
-        s.z[i] = i < 12 ? 0.3 + 0.1 * i : 1;
+    // Only the first oscillators move at first, and whole blocks rest until the motion reaches
+    // them.
+    for (int i = 0; i < NODES; ++i) {
+        process[i] = block == 0 ? i : i / block % MOST_PROCESSES;
+        s.z[2 * i] = i < 6 ? 0.3 + 0.2 * i : 1;
+        s.z[2 * i + 1] = i < 6 ? 0.4 + 0.2 * i : 1;
     }
-    open_processes(p, s.system, block, s.z);
+    divided_open(&d, s.system, block == 0 ? NODES : MOST_PROCESSES, process);
+    divided_set_state(&d, s.z);
     pm_monolithic_set_state(whole, s.z);
     for (long step = 1; step <= 30; ++step) {
-        step_processes(p, s.scene, sample);
+        require(divided_step(&d));
         require(pm_monolithic_step(whole));
-        check_equal(s.scene, sample, pm_monolithic_sample(whole), step);
-        if (step % 7 == 0) {
-            replace_processes(p, s.system, block, s.z);
+        divided_fill_sample(&d, sample);
+        check_equal(s.scene, pm_monolithic_sample(whole), sample, step);
+        assert_true(step > 1 || sample->z[WAKES] == 1);
+        if (block > 0 && step % 7 == 0) {
+            divided returned;
+            divided_return(&returned, &d);
+            divided_close(&d);
+            d = returned;
         }
     }
-    close_processes(p);
+    assert_true(sample->z[WAKES] != 1);
+    divided_close(&d);
     pm_sample_free(sample);
     pm_monolithic_close(whole);
     close_chain(&s);
 }
 
+static void blocks_rest_and_sum_in_the_order_of_the_scene(void **state) {
+    (void)state;
+    compare_web("euler", 0);
+    compare_web("rk4_balanced", 0);
+}
+
 static void several_processes_have_the_bits_of_one(void **state) {
     (void)state;
-    compare_processes("euler", 1);
-    compare_processes("rk4", 7);
-    compare_processes("rk4_balanced", 54);
+    compare_web("euler", 1);
+    compare_web("rk4", 7);
+    compare_web("rk4_balanced", 54);
 }
 
 // --- company and failures ---
@@ -453,34 +274,30 @@ static void company_changes_no_bit(void **state) {
 static void a_failure_names_its_subsystem(void **state) {
     (void)state;
     subject s = {0};
-    pm_batch *batch = NULL;
-    pm_monolithic *alone = NULL;
-    pm_sample *sample = NULL;
+    divided alone;
+    pm_monolithic *together = NULL;
     char message[512];
     open_chain(&s, "euler", LINKS, false, false);
-    s.scene->largest_departure = 0.5;
+    s.scene->run.largest_departure = 0.5;
     s.z[7 * NZ + 2] = 1e3;
-    require(pm_batch_open(&batch, s.system, s.scene->nsubsystem, all()));
-    require(pm_monolithic_open(&alone, s.system));
-    require(pm_sample_new(&sample, s.scene));
-    pm_batch_set_state(batch, s.z);
-    pm_batch_fill_sample(batch, sample);
-    pm_monolithic_set_state(alone, s.z);
-    assert_int_equal(pm_monolithic_step(alone), PM_ENUMERIC);
+    require(pm_monolithic_open(&together, s.system));
+    divided_open(&alone, s.system, 0, NULL);
+    divided_set_state(&alone, s.z);
+    pm_monolithic_set_state(together, s.z);
+    assert_int_equal(divided_step(&alone), PM_ENUMERIC);
     snprintf(message, sizeof message, "%s", pm_error());
-    assert_int_equal(pm_batch_step(batch), PM_ENUMERIC);
+    assert_int_equal(pm_monolithic_step(together), PM_ENUMERIC);
     assert_string_equal(pm_error(), message);
     assert_non_null(strstr(message, "subsystem link7: step 1"));
-    pm_sample_free(sample);
-    pm_monolithic_close(alone);
-    pm_batch_close(batch);
+    divided_close(&alone);
+    pm_monolithic_close(together);
     close_chain(&s);
 }
 
 int main(void) {
     pm_linalg_init();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_batch_has_the_bits_of_its_parts),
+        cmocka_unit_test(blocks_have_the_bits_of_their_lanes),
         cmocka_unit_test(balanced_and_adaptive_steps_have_these_bits),
         cmocka_unit_test(blocks_rest_and_sum_in_the_order_of_the_scene),
         cmocka_unit_test(several_processes_have_the_bits_of_one),

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "learn/loss_graph.h"
+#include "loss/loss_graph.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
@@ -69,7 +69,7 @@ static void require(const boundary_inputs *l, pm_status status) {
 
 // With random potentials and exchanges, states may diverge within a few steps.
 static void calm(random_system *w) {
-    for (int i = 0; i < w->scene->nz; ++i) {
+    for (int i = 0; i < w->scene->physics.nz; ++i) {
         w->z[i] *= 0.5;
     }
     for (int i = 0; i < pm_system_components(w->system); ++i) {
@@ -88,9 +88,9 @@ static void open(boundary_inputs *l, uint64_t seed, const char *integrator, doub
     // The two ends of `tip` have their groups in different orders. The layouts follow the scene.
     random_system_of_text(&l->w, seed, loaded, random_system_part, random_system_port);
     calm(&l->w);
-    l->w.scene->integrator = pm_integrator_find(integrator);
-    l->w.scene->substeps = strcmp(integrator, "euler") == 0 ? 1 : 2;
-    l->w.scene->dt = dt;
+    l->w.scene->physics.integrator = pm_integrator_find(integrator);
+    l->w.scene->physics.substeps = strcmp(integrator, "euler") == 0 ? 1 : 2;
+    l->w.scene->physics.dt = dt;
     require(l, pm_dataset_new(&l->data, 1, NTIME, NCOLUMN, dt * stride, columns));
     for (int j = 0; j < NTIME; ++j) {
         for (int k = 0; k < NCOLUMN; ++k) {
@@ -216,19 +216,20 @@ static void copy_params(const pm_params *from, pm_params *to) {
 
 // Every state of the dataset holds what subsystem a exposes at its end at z.
 static pm_dataset *show(const random_system *pair) {
-    pm_subsystem *a = NULL;
+    pm_local_subsystems *a = NULL;
     pm_dataset *data = NULL;
-    assert_int_equal(pm_subsystem_open(&a, pair->system, 0), PM_OK);
-    pm_subsystem_set_state(a, pair->z);
-    const pm_port_values *values = pm_subsystem_values(a, 0);
+    double y[PART_NZ], e[PART_NZ], eta[PART_NZ];
+    assert_int_equal(pm_local_subsystems_open(&a, pair->system, 1, &(int){0}), PM_OK);
+    pm_local_subsystems_set_state(a, pair->z);
+    pm_local_subsystems_get_boundary(a, 0, y, e, eta, NULL, NULL);
     assert_int_equal(pm_dataset_new(&data, 1, NTIME, 3 * PART_NZ, 0.02, shown), PM_OK);
     for (int j = 0; j < NTIME; ++j) {
         double *row = pm_dataset_state(data, 0, j);
-        memcpy(row, values->y, PART_NZ * sizeof *row);
-        memcpy(row + PART_NZ, values->e, PART_NZ * sizeof *row);
-        memcpy(row + 2 * PART_NZ, values->eta, PART_NZ * sizeof *row);
+        memcpy(row, y, PART_NZ * sizeof *row);
+        memcpy(row + PART_NZ, e, PART_NZ * sizeof *row);
+        memcpy(row + 2 * PART_NZ, eta, PART_NZ * sizeof *row);
     }
-    pm_subsystem_close(a);
+    pm_local_subsystems_close(a);
     return data;
 }
 
@@ -242,7 +243,7 @@ static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
         random_system_of_text(&pair, seed, random_system_scene, random_system_part,
                               random_system_port);
         random_system_of_text(&one, seed, alone, random_system_part, random_system_port);
-        pair.scene->integrator = pm_integrator_find("euler");
+        pair.scene->physics.integrator = pm_integrator_find("euler");
         copy_params(&pair.system->part[1]->params, &one.system->part[0]->params);
         copy_params(&pair.system->port[0]->params, &one.system->port[0]->params);
         pm_dataset *data = show(&pair);
@@ -271,7 +272,7 @@ static void a_part_cannot_tell_a_boundary_input_from_a_neighbour(void **state) {
 
 // --- the trainer ---
 
-// A window as learn/samples.h lays it out: the states at the beginning and (here zero) after each
+// A window as data/samples.h lays it out: the states at the beginning and (here zero) after each
 // of two steps, then the boundary inputs of both.
 static void fill_window(const boundary_inputs *l, const pm_samples *samples, double *window) {
     const size_t nboundary_input = (size_t)samples->input_order * (size_t)samples->nboundary_input;
@@ -297,12 +298,12 @@ static void trainer_takes_the_same_steps(void **state) {
         const pm_loss loss = {
             .residual = PM_RESIDUAL_STEP,
             .integrator = pm_integrator_find(integrator[seed % 5]),
-            .substeps = l.w.scene->substeps,
+            .substeps = l.w.scene->physics.substeps,
         };
         const pm_samples samples = {.count = 1,
                                     .unroll = 2,
                                     .nz = NZ,
-                                    .nboundary_input = l.w.scene->nprescribed,
+                                    .nboundary_input = l.w.scene->physics.nprescribed,
                                     .input_order = pm_loss_input_order(&loss),
                                     .scale = scale};
         // One step of euler sees a load at its beginning alone.

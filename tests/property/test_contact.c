@@ -26,8 +26,8 @@ static void open_port(pm_port_model *port, pm_group group[2], pm_rng *rng, doubl
     *port = (pm_port_model){.spec = {.law = "contact"}};
     for (int i = 0; i < 2; ++i) {
         const int n = 1 + (int)(MOST * pm_rng_uniform(rng));
-        group[i] = (pm_group){i == 0 ? "p" : "g", "m", n, 0};
-        port->layout[i] = (pm_layout){1, &group[i], n};
+        port->layout[i] = (pm_layout){.group = &group[i]};
+        pm_layout_add(&port->layout[i], i == 0 ? "p" : "g", "m", n);
     }
     const int rows = port->layout[1].nz, cols = port->layout[0].nz;
     for (int i = 0; i < rows * cols; ++i) {
@@ -165,8 +165,8 @@ static void open(scene *s, const char *text, const double *start, const char *in
                  int substeps) {
     *s = (scene){0};
     require(pm_scene_parse(&s->scene, text, "contact.yaml"));
-    s->scene->integrator = pm_integrator_find(integrator);
-    s->scene->substeps = substeps;
+    s->scene->physics.integrator = pm_integrator_find(integrator);
+    s->scene->physics.substeps = substeps;
     require(pm_system_load(&s->system, s->scene, NULL));
     require(pm_monolithic_open(&s->assembly, s->system));
     pm_monolithic_set_state(s->assembly, start);

@@ -16,7 +16,7 @@
 #include "scene/integrator.h"
 #include "sim/contact_broadphase.h"
 #include "sim/monolithic.h"
-#include "sim/subsystem.h"
+#include "tests/support/divided.h"
 
 // A body swings in the plane above a bumpy floor that creeps, 0.5 to 0.7 m below it. The gap
 // between them has the travel x [2], the creep [3] and the entropy s. `OTHER` is one more summand
@@ -83,7 +83,7 @@ typedef struct run {
 static void boundary_input(run *r, const char *text, const char *integrator) {
     *r = (run){0};
     require(pm_scene_parse(&r->scene, text, "floor.yaml"));
-    r->scene->integrator = pm_integrator_find(integrator);
+    r->scene->physics.integrator = pm_integrator_find(integrator);
     require(pm_system_load(&r->system, r->scene, NULL));
 }
 
@@ -317,8 +317,8 @@ static void check_same_bits(const char *const text[2], const char *integrator, u
 
 static void boxes_change_no_bit(void **state) {
     (void)state;
-    static const char *const integrators[] = {
-        "rk4", "heun", "rk4_balanced", "discrete_gradient", "rk6", "multirate3"};
+    static const char *const integrators[] = {"rk4", "heun", "rk4_balanced", "discrete_gradient",
+                                              "rk6"};
     static const char *const texts[2][2] = {{bounded, unbounded}, {alone, alone_unbounded}};
     for (size_t k = 0; k < 2 * sizeof integrators / sizeof *integrators; ++k) {
         const char *const integrator = integrators[k / 2];
@@ -412,61 +412,36 @@ static void derived_variables_equal_their_expressions(void **state) {
 // A run that continues from a checkpoint counts evaluations like a run without interruption.
 static void returns_count_alike(void **state) {
     (void)state;
-    enum { MEMORY = 512 };
     static const char *const integrators[] = {"rk4", "rk4_balanced", "discrete_gradient"};
     for (int k = 0; k < 3; ++k) {
         run r;
         // The body does not move at first, which the run may know one step earlier or later.
         double start[NZ] = {0, 0, 0, 0, 0.3, 0.2};
         boundary_input(&r, bounded, integrators[k]);
-        pm_subsystem *s[2][2];
-        for (int i = 0; i < 2; ++i) {
-            require(pm_subsystem_open(&s[0][i], r.system, i));
-            pm_subsystem_set_state(s[0][i], start + i * TRAVEL);
-        }
+        divided kept, returned;
+        divided_open(&kept, r.system, 0, NULL);
+        divided_set_state(&kept, start);
         for (int step = 0; step < 40; ++step) {
             if (step == 5) { // a push
-                const double pushed[] = {0.3, 0.2, 0, 1};
-                pm_subsystem_set_state(s[0][0], pushed);
+                const double pushed[NZ] = {0.3, 0.2, 0, 1};
+                pm_local_subsystems_set_state(kept.local[0], pushed);
             }
+            divided_return(&returned, &kept);
+            require(divided_step(&kept));
+            require(divided_step(&returned));
             for (int i = 0; i < 2; ++i) {
-                double memory[MEMORY];
-                pm_record counted = pm_record_count("test"), saved = pm_record_save("test", memory);
-                pm_record restored = pm_record_restore("test", memory);
-                pm_subsystem_record(s[0][i], &counted);
-                assert_in_range(counted.count, 1, MEMORY);
-                pm_subsystem_record(s[0][i], &saved);
-                require(pm_subsystem_open(&s[1][i], r.system, i));
-                pm_subsystem_record(s[1][i], &restored);
-            }
-            for (int who = 0; who < 2; ++who) {
-                while (!pm_subsystem_completes_step(s[who][0])) {
-                    for (int i = 0; i < 2; ++i) {
-                        pm_subsystem_expose(s[who][i]);
-                        pm_subsystem_bulk(s[who][i]);
-                    }
-                    for (int i = 0; i < 2; ++i) {
-                        pm_subsystem_couple(s[who][i], 0, pm_subsystem_values(s[who][1 - i], 0));
-                    }
-                    pm_subsystem_advance(s[who][0]);
-                    pm_subsystem_advance(s[who][1]);
-                }
-                require(pm_subsystem_end_step(s[who][0]));
-                require(pm_subsystem_end_step(s[who][1]));
-            }
-            for (int i = 0; i < 2; ++i) {
-                const pm_books one = pm_subsystem_books(s[0][i]), two = pm_subsystem_books(s[1][i]);
+                const pm_books one = pm_local_subsystems_books(kept.local[i], 0);
+                const pm_books two = pm_local_subsystems_books(returned.local[i], 0);
                 if (one.evaluated != two.evaluated || one.skipped != two.skipped) {
                     fail_msg("%s, step %d, subsystem %d: %ld evaluated, %ld skipped, expected %ld, "
                              "%ld",
                              integrators[k], step + 1, i, two.evaluated, two.skipped, one.evaluated,
                              one.skipped);
                 }
-                pm_subsystem_close(s[1][i]);
             }
+            divided_close(&returned);
         }
-        pm_subsystem_close(s[0][0]);
-        pm_subsystem_close(s[0][1]);
+        divided_close(&kept);
         close_run(&r);
     }
 }

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "sim/local_dynamics.h"
+#include "sim/contact_gap.h"
 
 #define N 12 // pairs of points
 #define STIFFNESS 1e6
@@ -28,7 +28,8 @@ typedef struct contact {
     pm_part body, gap, *part[2];
     pm_group group[2];
     pm_arena arena;
-    pm_local_dynamics dynamics;
+    pm_program *program;
+    pm_contact_gap opened;
     double C[N][N], free[N];
     double z[N + 1], stage[N + 1];
 } contact;
@@ -41,9 +42,9 @@ static const pm_formula two_wells = {"k/4*|g|^4 - k/2*|g|^2", &constants, NULL};
 
 // The gap's energy, whose s may have no temperature.
 static void declare_gap(contact *c, const pm_formula *formula, bool heats) {
-    c->group[0] = (pm_group){"g", "m", N, 0};
-    c->group[1] = (pm_group){"s", "J/K", 1, N};
-    c->gap = (pm_part){.layout = {2, c->group, N + 1}};
+    c->gap = (pm_part){.layout = {.group = c->group}};
+    pm_layout_add(&c->gap.layout, "g", "m", N);
+    pm_layout_add(&c->gap.layout, "s", "J/K", 1);
     c->gap.spec = (pm_part_spec){.form = PM_HARD,
                                  .constants = &constants,
                                  .energy = {.nformula = 1,
@@ -53,6 +54,24 @@ static void declare_gap(contact *c, const pm_formula *formula, bool heats) {
                                             .given_coefficient = &temperature},
                                  .entropy = {.ngiven = 1, .given = entropy}};
     assert_int_equal(pm_part_declare(&c->gap), PM_OK);
+}
+
+// Opens the program of the gap's energy and its gradient.
+static pm_status open_program(contact *c) {
+    pm_graph *g = NULL;
+    pm_node output[2], dS;
+    PM_TRY(pm_graph_open(&g));
+    const pm_node z = pm_input(g, true, 1, N + 1);
+    output[0] = pm_part_energy(g, &c->gap, z);
+    pm_part_coenergies(g, &c->gap, PM_NO_NODE, z, &output[1], &dS);
+    const pm_status status = pm_program_open(&c->program, g, 2, output, 1);
+    if (status == PM_OK) {
+        pm_contact_gap_set_program(&c->opened, c->program, pm_program_value(c->program, z),
+                                   pm_program_value(c->program, output[0]),
+                                   pm_program_value(c->program, output[1]));
+    }
+    pm_graph_close(g);
+    return status;
 }
 
 static pm_status open_contact(contact *c, const pm_formula *formula, bool heats) {
@@ -68,17 +87,17 @@ static pm_status open_contact(contact *c, const pm_formula *formula, bool heats)
     c->port = (pm_scene_port){.law = "contact", .subsystem = {0, 1}, .boundary_input = {-1, -1}};
     c->port.layout[1] = (pm_layout){1, c->group, N};
     c->port.component[1] = c->component;
-    c->scene.nsubsystem = 2;
-    c->scene.subsystem = c->subsystem;
-    c->scene.nport = 1;
-    c->scene.port = &c->port;
+    c->scene.physics.nsubsystem = 2;
+    c->scene.physics.subsystem = c->subsystem;
+    c->scene.physics.nport = 1;
+    c->scene.physics.port = &c->port;
     c->system = (pm_system){.scene = &c->scene, .part = c->part};
-    return pm_local_dynamics_open(&c->dynamics, &c->arena, &c->system, 1,
-                                  pm_integrator_find("discrete_gradient"), 0.1);
+    PM_TRY(pm_contact_gap_open(&c->opened, &c->arena, &c->system, 1));
+    return open_program(c);
 }
 
 static void close_contact(contact *c) {
-    pm_local_dynamics_close(&c->dynamics);
+    pm_program_close(c->program);
     pm_part_free(&c->gap);
     pm_arena_free(&c->arena);
 }
@@ -108,14 +127,14 @@ static void draw(contact *c, pm_rng *rng) {
 // Takes the rounds of a step, in which the body answers the forces that it saw the round before.
 // Returns the number of rounds until the gap has its final state.
 static int step(contact *c) {
-    pm_contact_gap *gap = c->dynamics.gap;
+    pm_contact_gap *gap = &c->opened;
     double answer[N];
     memcpy(c->stage, c->z, sizeof c->z);
-    pm_local_dynamics_begin(&c->dynamics, c->z);
+    pm_contact_gap_begin(&c->opened, c->z);
     memcpy(answer, c->z, sizeof answer);
     for (int round = 0; round < MOST_ROUNDS; ++round) {
         double reached[N + 1] = {0}, next[N + 1];
-        pm_local_dynamics_expose(&c->dynamics, c->stage, c->z, NULL);
+        pm_contact_gap_expose(&c->opened, c->stage);
         memcpy(reached, answer, sizeof answer);
         for (int i = 0; i < N; ++i) {
             answer[i] = c->free[i];
@@ -143,7 +162,7 @@ static double stored(const double *z) {
 
 // The forces that the body has answered are those of the gap where the body is.
 static void check_agreement(const contact *c) {
-    const pm_contact_gap *gap = c->dynamics.gap;
+    const pm_contact_gap *gap = &c->opened;
     double largest = 0;
     for (int i = 0; i < N; ++i) {
         largest = fmax(largest, fabs(STIFFNESS * fmin(c->stage[i], 0)));
@@ -156,7 +175,7 @@ static void check_agreement(const contact *c) {
 
 // What the ports bring in is stored or becomes heat.
 static void check_laws(const contact *c) {
-    const pm_contact_gap *gap = c->dynamics.gap;
+    const pm_contact_gap *gap = &c->opened;
     double work = 0, gross = 0;
     for (int i = 0; i < N; ++i) {
         work += gap->dE[i] * (c->stage[i] - c->z[i]);
@@ -210,17 +229,17 @@ static void laws_need_no_convex_energy(void **state) {
     assert_int_equal(open_contact(&c, &two_wells, true), PM_OK);
     pm_rng_init(&rng, 5, 0);
     for (int k = 0; k < 1000; ++k) {
-        const pm_contact_gap *gap = c.dynamics.gap;
+        const pm_contact_gap *gap = &c.opened;
         double work = 0, gross = 0;
         for (int i = 0; i < N; ++i) {
             c.z[i] = 0.2 * pm_rng_normal(&rng); // between the wells, where the energy is concave
             c.stage[i] = 0.2 * pm_rng_normal(&rng);
         }
         c.z[N] = c.stage[N] = 0;
-        pm_local_dynamics_begin(&c.dynamics, c.z);
-        pm_local_dynamics_expose(&c.dynamics, c.z, c.z, NULL);
+        pm_contact_gap_begin(&c.opened, c.z);
+        pm_contact_gap_expose(&c.opened, c.z);
         const double before = gap->E;
-        pm_local_dynamics_expose(&c.dynamics, c.stage, c.z, NULL);
+        pm_contact_gap_expose(&c.opened, c.stage);
         for (int i = 0; i < N; ++i) {
             work += gap->dE[i] * (c.stage[i] - c.z[i]);
             gross += fabs(gap->dE[i] * (c.stage[i] - c.z[i]));

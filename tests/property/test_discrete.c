@@ -121,8 +121,8 @@ static double total(int n, const double *x) {
 
 // The largest change of the total energy over `steps` steps; checks that entropy does not fall.
 static double energy_drift(const random_system *w, const char *integrator, double dt, int steps) {
-    w->scene->integrator = pm_integrator_find(integrator);
-    w->scene->dt = dt;
+    w->scene->physics.integrator = pm_integrator_find(integrator);
+    w->scene->physics.dt = dt;
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
     pm_monolithic_set_state(assembly, w->z);

@@ -1,4 +1,4 @@
-// The energy balance beside rates (learn/energy_balance.h): it is the power of the data, a model's
+// The energy balance beside rates (loss/loss_graph.c): it is the power of the data, a model's
 // own rates fulfil it, and it shows the voltages of capacitors whose currents depend on differences
 // of voltages.
 #include <math.h>
@@ -12,11 +12,10 @@
 
 #include <cmocka.h>
 
+#include "fit/normalization.h"
+#include "fit/start.h"
 #include "graph/program.h"
-#include "learn/normalization.h"
-#include "learn/objective.h"
-#include "learn/residuals.h"
-#include "learn/start.h"
+#include "loss/objective.h"
 #include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
 
@@ -88,7 +87,7 @@ static void bench_open(bench *b, const char *model, const char *loss, uint64_t s
     b->training = load_training(scene_text, text);
     b->training->seed = seed;
     make_samples(b, data, PM_RESIDUAL_STEP);
-    pm_start_draw(b->training, work);
+    pm_start_draw(b->training, 0, work);
     assert_int_equal(pm_normalization_of_system(b->training->system, &b->samples, false), PM_OK);
     pm_samples_free(&b->samples);
     make_samples(b, data, b->training->stage[0].loss.residual);
@@ -201,7 +200,7 @@ static void rates_of_the_model_are_balanced(void **state) {
 static int count_residuals(const char *model, const char *loss) {
     bench b;
     bench_open(&b, model, loss, 1);
-    const int count = pm_residuals_count(b.objective);
+    const int count = pm_objective_residual_count(b.objective);
     bench_close(&b);
     return count;
 }

@@ -10,10 +10,8 @@
 
 #include <cmocka.h>
 
-#include "learn/damped_equations.h"
-#include "learn/gauss_newton_matrix.h"
-#include "learn/gauss_newton_product.h"
-#include "learn/importance.h"
+#include "optimise/importance.h"
+#include "optimise/normal_equations.h"
 #include "tests/support/random_system.h"
 
 #define COUNT 60

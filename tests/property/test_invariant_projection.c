@@ -44,9 +44,9 @@ static double entropy_of(const pm_sample *sample, int i) {
 }
 
 static departure roll_out(const random_system *w, const char *integrator, double dt) {
-    w->scene->integrator = pm_integrator_find(integrator);
-    w->scene->dt = dt;
-    w->scene->substeps = 2;
+    w->scene->physics.integrator = pm_integrator_find(integrator);
+    w->scene->physics.dt = dt;
+    w->scene->physics.substeps = 2;
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_monolithic_open(&assembly, w->system), PM_OK);
     pm_monolithic_set_state(assembly, w->z);
@@ -78,19 +78,19 @@ static departure roll_out(const random_system *w, const char *integrator, double
 // Links whose entropy is learned in part, as far from straight as any function of the state.
 static void open_links(random_system *w, uint64_t seed, double size) {
     random_system_of_text(w, seed, random_system_scene, random_system_part, random_system_port);
-    for (int i = 0; i < w->scene->nz; ++i) {
+    for (int i = 0; i < w->scene->physics.nz; ++i) {
         w->z[i] *= size;
     }
 }
 
 static void parts_have_what_was_booked(void **state) {
     (void)state;
-    static const char *const integrator[] = {"rk4_balanced", "rk6_balanced", "multirate3_balanced"};
+    static const char *const integrator[] = {"rk4_balanced", "rk6_balanced"};
     double plain = 0;
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         open_links(&w, seed, 0.3);
-        const departure d = roll_out(&w, integrator[seed % 3], 0.002);
+        const departure d = roll_out(&w, integrator[seed % 2], 0.002);
         random_system_check(&w, "E of a part", d.energy, 0, ROUNDING);
         random_system_check(&w, "S of a part", d.entropy, 0, ROUNDING);
         random_system_check(&w, "total E", d.total, 0, ROUNDING);
@@ -133,7 +133,8 @@ static void what_cannot_move_stays(void **state) {
 // A tenth of the step is made good; twice the step is not, and is not asked for again.
 static void what_is_too_far_is_written_off(void **state) {
     (void)state;
-    const pm_layout layout = {.ngroup = 1, .nz = 2, .group = (pm_group[]){{"x", "m", 2, 0}}};
+    const pm_layout layout = {
+        .ngroup = 1, .nz = 2, .group = (pm_group[]){{"x", "m", 2, 0, PM_ROLE_OTHER}}};
     static const double start[2] = {0, 0}, dE[2] = {1, 0};
     const random_system nameless = {.seed = 0};
     double z[2] = {0.1, 0};

@@ -71,9 +71,9 @@ static void long_rollouts_keep_the_invariants(void **state) {
 static pm_ledger ledger_of(pm_scene *scene, pm_system *system, const char *integrator, double dt) {
     pm_monolithic *assembly = NULL;
     pm_ledger ledger;
-    scene->integrator = pm_integrator_find(integrator);
-    scene->dt = dt;
-    scene->substeps = 1;
+    scene->physics.integrator = pm_integrator_find(integrator);
+    scene->physics.dt = dt;
+    scene->physics.substeps = 1;
     assert_int_equal(pm_monolithic_open(&assembly, system), PM_OK);
     pm_ledger_init(&ledger, system);
     pm_monolithic_set_state(assembly, start[0]);
@@ -105,7 +105,7 @@ static void an_iteration_that_does_not_converge_is_counted(void **state) {
                       c[i].integrator, c[i].dt, ledger.worst_step, ledger.violations);
         assert_in_range(ledger.unbalanced, c[i].least, c[i].most);
         assert_int_equal(ledger.violations, ledger.unbalanced);
-        assert_true((ledger.worst_step > scene->energy_tolerance) ==
+        assert_true((ledger.worst_step > scene->run.energy_tolerance) ==
                     (c[i].most > 0 || strcmp(c[i].integrator, "rk4") == 0));
     }
     pm_system_free(system);

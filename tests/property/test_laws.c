@@ -249,7 +249,7 @@ static int roll_out(const random_system *w, const pm_system *system,
     while (step < steps && status == PM_OK) {
         status = pm_monolithic_step(assembly);
         pm_sample sample = *pm_monolithic_sample(assembly);
-        if (status == PM_OK && largest(system->scene->nz, sample.z) > RUN_AWAY) {
+        if (status == PM_OK && largest(system->scene->physics.nz, sample.z) > RUN_AWAY) {
             break;
         }
         if (status == PM_OK) {
@@ -272,8 +272,8 @@ static void rollouts_keep_both_laws(void **state) {
     for (uint64_t seed = 1; seed <= WORLDS; ++seed) {
         random_system w;
         random_system_random(&w, seed, PM_HARD);
-        assert_true(w.scene->energy_tolerance == ENERGY_TOLERANCE);
-        w.scene->entropy_tolerance = ENTROPY_TOLERANCE; // less than a scene allows by default
+        assert_true(w.scene->run.energy_tolerance == ENERGY_TOLERANCE);
+        w.scene->run.entropy_tolerance = ENTROPY_TOLERANCE; // less than a scene allows by default
         booked += roll_out(&w, w.system, NULL, w.z, steps);
         random_system_close(&w);
     }
@@ -292,7 +292,7 @@ static void small_remainders_keep_both_laws(void **state) {
     for (size_t i = 0; i < sizeof seeds / sizeof seeds[0]; ++i) {
         random_system w;
         random_system_random(&w, seeds[i], PM_HARD);
-        w.scene->integrator = pm_integrator_find(seeds[i] % 2 == 0 ? "rk4" : "heun");
+        w.scene->physics.integrator = pm_integrator_find(seeds[i] % 2 == 0 ? "rk4" : "heun");
         roll_out(&w, w.system, NULL, w.z, 20);
         random_system_close(&w);
     }
@@ -312,19 +312,19 @@ static bool load_shipped(shipped *s, const char *path) {
     assert_int_equal(pm_scene_load(&s->scene, path), PM_OK);
     const pm_scene *scene = s->scene;
     pm_arena *arena = &s->scene->arena;
-    const char *weights = scene->subsystem[0].weights;
-    if (scene->reference == NULL || (weights != NULL && access(weights, R_OK) != 0)) {
+    const char *weights = scene->physics.subsystem[0].weights;
+    if (scene->run.reference == NULL || (weights != NULL && access(weights, R_OK) != 0)) {
         return false;
     }
     pm_columns columns;
-    const int trajectory = scene->reference_trajectory;
+    const int trajectory = scene->run.reference_trajectory;
     assert_int_equal(pm_system_load(&s->system, scene, NULL), PM_OK);
-    assert_int_equal(pm_dataset_load(&s->reference, scene->reference), PM_OK);
+    assert_int_equal(pm_dataset_load(&s->reference, scene->run.reference), PM_OK);
     assert_int_equal(pm_columns_bind(&columns, scene, s->reference, arena), PM_OK);
     s->z = pm_arena_array(arena, (size_t)columns.nz, sizeof *s->z);
     assert_non_null(s->z);
     pm_columns_to_state(&columns, pm_dataset_state(s->reference, trajectory, 0), s->z);
-    const int stride = (int)lround(s->reference->dt / scene->dt);
+    const int stride = (int)lround(s->reference->dt / scene->physics.dt);
     assert_int_equal(pm_boundary_input_bind(&s->boundary_input, scene, s->reference, stride, arena),
                      PM_OK);
     pm_boundary_input_follow(&s->boundary_input, s->reference, trajectory);
@@ -353,9 +353,9 @@ static void take_steps(const shipped *s, int steps) {
 // look for other defects, which show in the first steps.
 static int steps_of(const pm_scene *scene) {
 #ifdef PM_SANITIZED
-    return scene->steps < 3 ? scene->steps : 3;
+    return scene->run.steps < 3 ? scene->run.steps : 3;
 #else
-    return scene->steps;
+    return scene->run.steps;
 #endif
 }
 

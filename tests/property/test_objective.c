@@ -12,8 +12,8 @@
 #include <cmocka.h>
 
 #include "graph/program.h"
-#include "learn/damped_equations.h"
-#include "learn/optimiser.h"
+#include "optimise/normal_equations.h"
+#include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
 
 #define COUNT 150 // samples: several chunks of each lane, and a rest
@@ -70,7 +70,7 @@ static void fill_windows(bench *b) {
 static void bench_open(bench *b, uint64_t seed, bool soft, double robust) {
     random_system_of_text(&b->w, seed, random_system_scene, soft ? soft_part : random_system_part,
                           soft ? soft_port : random_system_port);
-    b->w.scene->dt = 0.002; // short enough for random models
+    b->w.scene->physics.dt = 0.002; // short enough for random models
     fill_windows(b);
     b->loss = (pm_loss){.residual = PM_RESIDUAL_STEP,
                         .integrator = pm_integrator_find("heun"),

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "learn/optimiser.h"
+#include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
 
 #define COUNT 60
@@ -30,7 +30,7 @@ typedef struct bench {
 
 static void bench_open(bench *b, uint64_t seed, int steps) {
     random_system_of_text(&b->w, seed, random_system_scene, random_system_part, random_system_port);
-    b->w.scene->dt = 0.002; // short enough for random models
+    b->w.scene->physics.dt = 0.002; // short enough for random models
     const int width = (1 + steps) * NZ;
     for (int i = 0; i < COUNT * width; ++i) {
         b->z[i] = i % width < NZ ? 0.5 * pm_rng_normal(&b->w.rng)

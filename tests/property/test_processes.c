@@ -1,5 +1,5 @@
-// Learned irreversible processes are separated (learn/processes.h): the rotation makes factors
-// simple, rates stay the same, and the initial weights that a search chooses have separate
+// Learned irreversible processes are separated (fit/dissipative_modes.h): the rotation makes
+// factors simple, rates stay the same, and the initial weights that a search chooses have separate
 // processes.
 #include <math.h>
 #include <setjmp.h>
@@ -12,10 +12,10 @@
 
 #include <cmocka.h>
 
-#include "learn/normalization.h"
-#include "learn/objective.h"
-#include "learn/processes.h"
-#include "learn/start.h"
+#include "fit/dissipative_modes.h"
+#include "fit/normalization.h"
+#include "fit/start.h"
+#include "loss/objective.h"
 #include "tests/support/training.h"
 
 #define ROWS 7
@@ -55,7 +55,7 @@ static void rotations_make_factors_simple(void **state) {
                                                          factor[i / RANK % ROWS * RANK + i % RANK];
         }
         memcpy(guide, factor, sizeof guide);
-        pm_processes_rotate(ROWS, RANK, guide, factor);
+        pm_dissipative_modes_rotate(ROWS, RANK, guide, factor);
         assert_memory_equal(guide, factor, sizeof guide);
         for (int i = 0; i < ROWS * ROWS * RANK; ++i) {
             product[i / RANK / ROWS][i / RANK % ROWS] -= factor[i / RANK / ROWS * RANK + i % RANK] *
@@ -136,7 +136,7 @@ static void rates_stay_the_same(void **state) {
     pm_samples samples;
     double theta[200], before[20], after[20];
     make_samples(t, PM_RESIDUAL_STEP, &samples);
-    pm_start_draw(t, theta);
+    pm_start_draw(t, 0, theta);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
     pm_samples_free(&samples);
     make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
@@ -144,7 +144,7 @@ static void rates_stay_the_same(void **state) {
     assert_int_equal(pm_objective_open(&objective, t->system, &samples, &t->stage[0].loss), PM_OK);
     const double loss = pm_objective_evaluate(objective, 0, NULL, NULL);
     copy_factors(t, before);
-    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    assert_int_equal(pm_dissipative_modes_separate(t->system), PM_OK);
     copy_factors(t, after);
     const double same = pm_objective_evaluate(objective, 0, NULL, NULL);
     if (!(fabs(same - loss) < 1e-12 * loss)) {
@@ -158,7 +158,7 @@ static void rates_stay_the_same(void **state) {
         &(pm_rng){0}, 4, 3,
         pm_params_find(pm_system_params(t->system, 2), "irreversible.matrix.constant")->value);
     copy_factors(t, before);
-    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    assert_int_equal(pm_dissipative_modes_separate(t->system), PM_OK);
     copy_factors(t, after);
     assert_memory_equal(before + 8, after + 8, 12 * sizeof *before);
     pm_objective_close(objective);
@@ -178,13 +178,13 @@ static void initial_weights_have_separate_processes(void **state) {
         next += pm_params_trained(pm_system_params(t->system, i));
     }
     make_samples(t, PM_RESIDUAL_STEP, &samples);
-    pm_start_draw(t, theta);
+    pm_start_draw(t, 0, theta);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
     pm_samples_free(&samples);
     make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
     assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &stop), PM_OK);
     copy_factors(t, chosen);
-    assert_int_equal(pm_processes_separate(t->system), PM_OK);
+    assert_int_equal(pm_dissipative_modes_separate(t->system), PM_OK);
     copy_factors(t, separate);
     assert_true(largest_difference(chosen, separate, 20) < 1e-9);
     // The weights that the search returns are those of the system.

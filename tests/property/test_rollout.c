@@ -10,9 +10,9 @@
 
 #include <cmocka.h>
 
+#include "fit/normalization.h"
 #include "graph/program.h"
-#include "learn/normalization.h"
-#include "learn/step_graph.h"
+#include "loss/step_graph.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
 
@@ -33,7 +33,7 @@ static void normalise(random_system *w) {
         scale[i] = 1;
     }
     const pm_samples samples = {
-        .count = STATES, .unroll = 1, .nz = w->scene->nz, .z = z, .scale = scale};
+        .count = STATES, .unroll = 1, .nz = w->scene->physics.nz, .z = z, .scale = scale};
     assert_int_equal(pm_normalization_of_system(w->system, &samples, true), PM_OK);
 }
 
@@ -46,7 +46,7 @@ static pm_status try_roll_out(const random_system *w, const double *z0, int step
     for (int i = 0; i < steps && status == PM_OK; ++i) {
         status = pm_monolithic_step(assembly);
     }
-    memcpy(z, pm_monolithic_sample(assembly)->z, (size_t)w->scene->nz * sizeof *z);
+    memcpy(z, pm_monolithic_sample(assembly)->z, (size_t)w->scene->physics.nz * sizeof *z);
     pm_monolithic_close(assembly);
     return status;
 }
@@ -107,9 +107,9 @@ static void rotating_the_start_rotates_the_rollout(void **state) {
 // --- order of convergence ---
 
 static void steps_of(random_system *w, const char *integrator, double dt) {
-    w->scene->integrator = pm_integrator_find(integrator);
-    w->scene->dt = dt;
-    w->scene->substeps = 1;
+    w->scene->physics.integrator = pm_integrator_find(integrator);
+    w->scene->physics.dt = dt;
+    w->scene->physics.substeps = 1;
 }
 
 // Halving the step reduces the error of three systems by a factor of 2^order, twice in a row.
@@ -169,17 +169,19 @@ static void graph_step(const random_system *w, const double *z0, double *z) {
     bool responding[NZ];
     const pm_step_work work = {nodes, k, last, responding, PM_NO_NODE};
     assert_int_equal(pm_graph_open(&g), PM_OK);
-    const pm_node input = pm_input(g, true, 1, scene->nz);
+    const pm_node input = pm_input(g, true, 1, scene->physics.nz);
     for (int i = 0; i < 2; ++i) {
-        part[i] = pm_slice(g, input, scene->subsystem[i].first, scene->subsystem[i].layout.nz);
+        part[i] = pm_slice(g, input, scene->physics.subsystem[i].first,
+                           scene->physics.subsystem[i].layout.nz);
     }
-    pm_build_step(g, w->system, scene->integrator, scene->dt / scene->substeps, scene->substeps,
-                  part, PM_NO_NODE, &degeneracy, &work);
+    pm_build_step(g, w->system, scene->physics.integrator,
+                  scene->physics.dt / scene->physics.substeps, scene->physics.substeps, part,
+                  PM_NO_NODE, &degeneracy, &work);
     const pm_node output = pm_concat(g, 2, part);
     assert_int_equal(pm_program_open(&program, g, 1, &output, 1), PM_OK);
-    memcpy(pm_program_value(program, input), z0, (size_t)scene->nz * sizeof *z0);
+    memcpy(pm_program_value(program, input), z0, (size_t)scene->physics.nz * sizeof *z0);
     pm_program_run(program, 1);
-    memcpy(z, pm_program_value(program, output), (size_t)scene->nz * sizeof *z);
+    memcpy(z, pm_program_value(program, output), (size_t)scene->physics.nz * sizeof *z);
     pm_program_close(program);
     pm_graph_close(g);
 }
@@ -195,7 +197,7 @@ static void trainer_iterates_the_same_step(void **state) {
                               random_system_port);
         normalise(&w);
         steps_of(&w, "discrete_gradient", 0.001);
-        w.scene->substeps = 2;
+        w.scene->physics.substeps = 2;
         roll_out(&w, w.z, 1, served);
         graph_step(&w, w.z, trained);
         for (int i = 0; i < NZ; ++i) {
@@ -214,12 +216,12 @@ static void trainer_takes_the_same_step(void **state) {
         random_system w;
         double served[MAX_NZ], trained[MAX_NZ];
         random_system_random(&w, seed, seed % 2 == 0 ? PM_HARD : PM_SOFT);
-        w.scene->integrator = pm_integrator_find(integrator[seed % 4]);
-        w.scene->substeps = 1 + (int)(seed % 3);
+        w.scene->physics.integrator = pm_integrator_find(integrator[seed % 4]);
+        w.scene->physics.substeps = 1 + (int)(seed % 3);
         const bool ran_away = try_roll_out(&w, w.z, 1, served) != PM_OK;
         finite += ran_away ? 0 : 1;
         graph_step(&w, w.z, trained);
-        for (int i = 0; i < w.scene->nz && !ran_away; ++i) {
+        for (int i = 0; i < w.scene->physics.nz && !ran_away; ++i) {
             const double size = fabs(served[i]) + fabs(served[i] - w.z[i]) + 1;
             random_system_check(&w, "z after a step", trained[i], served[i], STEP_TOLERANCE * size);
         }

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "learn/shooting.h"
+#include "shooting/shooting.h"
 #include "tests/support/random_system.h"
 
 #define NZ 10
@@ -66,7 +66,8 @@ static void measure(bench *b) {
         b->steps[k] = k + 1 < SAMPLES ? 1 + k % 2 : 0;
         b->duration[k] = 0.5 + 0.5 * pm_rng_uniform(&b->w.rng);
         b->time[k] =
-            k == 0 ? 0 : b->time[k - 1] + b->steps[k - 1] * b->duration[k - 1] * b->w.scene->dt;
+            k == 0 ? 0
+                   : b->time[k - 1] + b->steps[k - 1] * b->duration[k - 1] * b->w.scene->physics.dt;
         for (int i = 0; i < TRACKS * ny; ++i) {
             const double outlier = (k + i) % 11 == 0 ? 3 : 0;
             b->y[i / ny][k * ny + i % ny] =
@@ -87,21 +88,21 @@ static void measure(bench *b) {
 static void bench_open(bench *b, uint64_t seed, const char *integrator) {
     memset(b, 0, sizeof *b);
     random_system_of_text(&b->w, seed, random_system_scene, random_system_part, random_system_port);
-    b->w.scene->dt = 0.01;
+    b->w.scene->physics.dt = 0.01;
     observe(b);
     measure(b);
-    const pm_flow_how how = {.system = b->w.system,
-                             .observation = &b->observation,
-                             .integrator = pm_integrator_find(integrator),
-                             .substeps = 2,
-                             .stretched = true};
+    const pm_sensitivity_how how = {.system = b->w.system,
+                                    .observation = &b->observation,
+                                    .integrator = pm_integrator_find(integrator),
+                                    .substeps = 2,
+                                    .stretched = true};
     pm_shooting *s = &b->shooting;
     assert_int_equal(pm_shooting_open(s, &how, &b->tracks), PM_OK);
     for (int c = 0; c < NZ; ++c) {
-        s->gap[c] = 0.2 + 0.05 * c;
-        s->prior[c] = b->hidden[c] ? 0.7 : 0;
+        s->terms.gap[c] = 0.2 + 0.05 * c;
+        s->terms.prior[c] = b->hidden[c] ? 0.7 : 0;
         if (c < s->ny) {
-            s->noise[c] = 0.3 + 0.1 * c;
+            s->terms.noise[c] = 0.3 + 0.1 * c;
         }
     }
     assert_int_equal(pm_shooting_divide(s, LENGTH), PM_OK);
@@ -134,13 +135,13 @@ static double gradient_at(bench *b, const double *point) {
     pm_shooting_set_weights(s, point);
     const double value = pm_shooting_evaluate(s, point + n, true);
     for (ptrdiff_t i = 0; i < n; ++i) {
-        b->gradient[i] = s->matrix[i * nb + n];
+        b->gradient[i] = s->blocks.matrix[i * nb + n];
     }
     for (ptrdiff_t w = 0; w < s->nwindow; ++w) {
         for (ptrdiff_t c = 0; c < NZ; ++c) {
-            double sum = s->border[(w * NZ + c) * nb + n];
+            double sum = s->blocks.border[(w * NZ + c) * nb + n];
             if (s->window[w].follows) {
-                sum -= s->end_by_weights[((w - 1) * NZ + c) * nb + n] / s->gap[c];
+                sum -= s->blocks.end_by_weights[((w - 1) * NZ + c) * nb + n] / s->terms.gap[c];
             }
             b->gradient[n + w * NZ + c] = sum;
         }
@@ -193,7 +194,7 @@ static void multiply(const bench *b, double damping, const double *step, double 
     const ptrdiff_t n = s->nweight, nb = s->nborder;
     for (ptrdiff_t i = 0; i < n; ++i) {
         for (ptrdiff_t k = 0; k < n; ++k) {
-            const double entry = s->matrix[i < k ? i * nb + k : k * nb + i];
+            const double entry = s->blocks.matrix[i < k ? i * nb + k : k * nb + i];
             product[i] += (i == k ? 1 + damping : 1) * entry * step[k];
         }
     }
@@ -202,19 +203,22 @@ static void multiply(const bench *b, double damping, const double *step, double 
         double *y = product + n + w * NZ;
         for (ptrdiff_t i = 0; i < NZ; ++i) {
             for (ptrdiff_t k = 0; k < NZ; ++k) {
-                double entry = s->own[(w * NZ + i) * NZ + k];
-                entry += i == k && s->window[w].follows ? 1 / (s->gap[i] * s->gap[i]) : 0;
+                double entry = s->blocks.own[(w * NZ + i) * NZ + k];
+                entry +=
+                    i == k && s->window[w].follows ? 1 / (s->terms.gap[i] * s->terms.gap[i]) : 0;
                 y[i] += (i == k ? 1 + damping : 1) * entry * x[k];
                 if (!s->window[w].ends) {
-                    const double next = -s->end_by_start[(w * NZ + k) * NZ + i] / s->gap[k];
+                    const double next =
+                        -s->blocks.end_by_start[(w * NZ + k) * NZ + i] / s->terms.gap[k];
                     y[i] += next * x[NZ + k];
                     y[NZ + k] += next * x[i];
                 }
             }
             for (ptrdiff_t k = 0; k < n; ++k) {
-                double entry = s->border[(w * NZ + i) * nb + k];
+                double entry = s->blocks.border[(w * NZ + i) * nb + k];
                 if (s->window[w].follows) {
-                    entry -= s->end_by_weights[((w - 1) * NZ + i) * nb + k] / s->gap[i];
+                    entry -=
+                        s->blocks.end_by_weights[((w - 1) * NZ + i) * nb + k] / s->terms.gap[i];
                 }
                 y[i] += entry * step[k];
                 product[k] += entry * x[i];

@@ -32,16 +32,15 @@ static void open_body(body *b, int nbranch, uint64_t seed) {
     memset(b, 0, sizeof *b);
     open_bar(&b->bar, nbranch, seed, 0.1);
     const int inner = nbranch * ELEMENTS * PM_BRICK_POINTS * PM_SYM;
-    int count = 2;
-    b->group[0] = (pm_group){"u", "m", FORCES, 0};
-    b->group[1] = (pm_group){"p", "kg m/s", FORCES, FORCES};
-    if (nbranch > 0) {
-        b->group[count++] = (pm_group){"inner", "1", inner, 2 * FORCES};
-    }
-    b->group[count++] = (pm_group){"s", "J/K", 1, 2 * FORCES + inner};
-    b->part = (pm_part){.layout = {count, b->group, 2 * FORCES + inner + 1},
+    b->part = (pm_part){.layout = {.group = b->group},
                         .spec = {.form = PM_HARD, .solid = &b->bar.spec},
                         .params = b->bar.params};
+    pm_layout_add(&b->part.layout, "u", "m", FORCES);
+    pm_layout_add(&b->part.layout, "p", "kg m/s", FORCES);
+    if (nbranch > 0) {
+        pm_layout_add(&b->part.layout, "inner", "1", inner);
+    }
+    pm_layout_add(&b->part.layout, "s", "J/K", 1);
     assert_int_equal(pm_solid_dynamics_open(&b->dynamics, &b->arena, &b->part, &b->bar.mesh),
                      PM_OK);
     pm_solid_dynamics_start(&b->dynamics, b->z);

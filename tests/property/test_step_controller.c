@@ -36,9 +36,9 @@ static outcome roll_out(const char *integrator, int substeps, double tolerance) 
     outcome o = {.least = PM_MOST_SUBSTEPS};
     require(pm_scene_load(&scene, "configs/analytic_double_pendulum.yaml"));
     require(pm_system_load(&system, scene, NULL));
-    scene->integrator = pm_integrator_find(integrator);
-    scene->substeps = substeps;
-    scene->tolerance = tolerance;
+    scene->physics.integrator = pm_integrator_find(integrator);
+    scene->physics.substeps = substeps;
+    scene->physics.tolerance = tolerance;
     const int nstage = pm_integrator_find(integrator)->nstage;
     require(pm_monolithic_open(&assembly, system));
     pm_monolithic_set_state(assembly, start);
@@ -107,8 +107,10 @@ static void the_tolerance_is_kept(void **state) {
 // Limits of a single choice, and what a growing error adds to it.
 static void the_next_step_follows_the_error(void **state) {
     (void)state;
-    pm_scene scene = {
-        .integrator = pm_integrator_find("rk4"), .substeps = 1, .tolerance = 1e-3, .nsubsystem = 2};
+    pm_scene scene = {.physics = {.integrator = pm_integrator_find("rk4"),
+                                  .substeps = 1,
+                                  .tolerance = 1e-3,
+                                  .nsubsystem = 2}};
     double error[2] = {0, 0.5e-3};
     pm_sample sample = {.step = 1, .error = error};
     pm_step_controller pace;
@@ -129,19 +131,19 @@ static void the_next_step_follows_the_error(void **state) {
         pm_step_controller_note(&pace, &sample);
     }
     assert_int_equal(pace.substeps, PM_MOST_SUBSTEPS);
-    scene.substeps = 5;
+    scene.physics.substeps = 5;
     error[0] = 0;
     for (int i = 0; i < 20; ++i) {
         pm_step_controller_note(&pace, &sample);
     }
     assert_int_equal(pace.substeps, 5); // the fewest
-    scene.substeps = PM_MOST_SUBSTEPS;
+    scene.physics.substeps = PM_MOST_SUBSTEPS;
     require(pm_step_controller_init(&pace, &scene));
-    ++scene.substeps;
+    ++scene.physics.substeps;
     assert_int_equal(pm_step_controller_init(&pace, &scene), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "substeps: 4097"));
-    scene.integrator = pm_integrator_find("rk6");
-    scene.integrator_at = "x.yaml:1:2";
+    scene.physics.integrator = pm_integrator_find("rk6");
+    scene.physics.integrator_at = "x.yaml:1:2";
     assert_int_equal(pm_step_controller_init(&pace, &scene), PM_ECONFIG);
     assert_non_null(strstr(pm_error(), "x.yaml:1:2: integrator rk6 does not estimate its error"));
 }

@@ -60,6 +60,36 @@ static void a_direction_may_drift(void **state) {
     random_system_close(&w);
 }
 
+// A run counts by the same rule: vectors whose lengths leave the range by rounding alone are
+// inside.
+static void a_run_lets_directions_drift(void **state) {
+    (void)state;
+    random_system w;
+    random_system_of_text(&w, 1, random_system_scene, random_system_part, random_system_port);
+    for (int i = 0; i < 2; ++i) {
+        double z[5];
+        assert_int_equal(pm_training_range_declare(w.system->part[i]), PM_OK);
+        for (int s = -1; s <= 1; s += 2) { // any entropy near the start is known
+            memcpy(z, w.z + 5 * (ptrdiff_t)i, sizeof z);
+            z[4] += s;
+            pm_training_range_widen(w.system->part[i], z);
+        }
+    }
+    w.scene->physics.dt = 1e-8;
+    pm_monolithic *assembly = NULL;
+    assert_int_equal(pm_monolithic_open(&assembly, w.system), PM_OK);
+    pm_monolithic_set_state(assembly, w.z);
+    for (int step = 0; step < STEPS; ++step) {
+        assert_int_equal(pm_monolithic_step(assembly), PM_OK);
+    }
+    const pm_sample *sample = pm_monolithic_sample(assembly);
+    assert_true(memcmp(sample->z, w.z, sizeof(double[10])) != 0);
+    assert_int_equal(sample->outside[0], 0);
+    assert_int_equal(sample->outside[1], 0);
+    pm_monolithic_close(assembly);
+    random_system_close(&w);
+}
+
 // Both parts know the start alone, so that every step leads outside of it.
 static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) {
     (void)state;
@@ -67,9 +97,9 @@ static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) 
     random_system_of_text(&w, 1, random_system_scene, random_system_part, random_system_port);
     for (int i = 0; i < 2; ++i) {
         assert_int_equal(pm_training_range_declare(w.system->part[i]), PM_OK);
-        pm_training_range_widen(w.system->part[i], w.z + w.scene->subsystem[i].first);
+        pm_training_range_widen(w.system->part[i], w.z + w.scene->physics.subsystem[i].first);
     }
-    w.scene->dt = 1e-4;
+    w.scene->physics.dt = 1e-4;
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_monolithic_open(&assembly, w.system), PM_OK);
     pm_monolithic_set_state(assembly, w.z);
@@ -79,7 +109,7 @@ static void a_run_counts_departures_and_ends_where_the_scene_says(void **state) 
     const pm_sample *sample = pm_monolithic_sample(assembly);
     assert_int_equal(sample->outside[0], STEPS);
     assert_int_equal(sample->outside[1], STEPS);
-    w.scene->largest_departure = 3;
+    w.scene->run.largest_departure = 3;
     assert_int_equal(pm_monolithic_step(assembly), PM_ENUMERIC);
     assert_non_null(strstr(pm_error(), "subsystem a: step 21: "));
     assert_non_null(strstr(pm_error(), "its weights were trained on"));
@@ -91,6 +121,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(widened_states_are_inside_whichever_way_they_are_turned),
         cmocka_unit_test(a_direction_may_drift),
+        cmocka_unit_test(a_run_lets_directions_drift),
         cmocka_unit_test(a_run_counts_departures_and_ends_where_the_scene_says),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -11,9 +11,9 @@
 
 #include <cmocka.h>
 
-#include "learn/normalization.h"
-#include "learn/objective.h"
-#include "learn/start.h"
+#include "fit/normalization.h"
+#include "fit/start.h"
+#include "loss/objective.h"
 #include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
 
@@ -107,7 +107,7 @@ static curve train(pm_training *t, const pm_dataset *data, int iterations, doubl
         pm_samples_make(&samples, t->scene, data, 0, NTRAJECTORY, PM_RESIDUAL_STEP, 1, 1), PM_OK);
     double *work = calloc(100000, sizeof *work);
     assert_non_null(work);
-    pm_start_draw(t, work);
+    pm_start_draw(t, 0, work);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
     pm_samples_free(&samples);
     assert_int_equal(

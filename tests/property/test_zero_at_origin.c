@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "sim/monolithic.h"
+#include "tests/support/divided.h"
 #include "tests/support/random_system.h"
 
 #define COUNT 5
@@ -66,7 +67,10 @@ static void check_samples(const random_system *w, const pm_sample *x, const pm_s
     check_numbers(w, "z", x->step, COUNT * NZ, x->z, y->z);
     check_numbers(w, "energy", x->step, COUNT, x->energy, y->energy);
     check_numbers(w, "bulk energy", x->step, COUNT, x->bulk_energy, y->bulk_energy);
-    check_numbers(w, "bulk gross", x->step, 2 * COUNT, x->bulk_gross, y->bulk_gross);
+    check_numbers(w, "bulk energy, gross", x->step, COUNT, x->bulk_energy_gross,
+                  y->bulk_energy_gross);
+    check_numbers(w, "bulk entropy, gross", x->step, COUNT, x->bulk_entropy_gross,
+                  y->bulk_entropy_gross);
     for (int i = 0; i < COUNT - 1; ++i) {
         check_numbers(w, "flux", x->step, 2 * (int)(sizeof(pm_flux) / sizeof(double)),
                       &x->flux[i][0].energy, &y->flux[i][0].energy);
@@ -78,7 +82,7 @@ static void check_samples(const random_system *w, const pm_sample *x, const pm_s
 static void check_against_new(const char *integrator, uint64_t seed) {
     random_system w;
     open_chain(&w, seed);
-    w.scene->integrator = pm_integrator_find(integrator);
+    w.scene->physics.integrator = pm_integrator_find(integrator);
     pm_monolithic *kept = open(&w), *anew = open(&w);
     for (int i = 0; i < STEPS; ++i) {
         double z[COUNT * NZ];
@@ -145,79 +149,48 @@ static void rest_is_skipped(void **state) {
 
 // --- a return from a checkpoint ---
 
-static const pm_port_values *shown_by(pm_subsystem *const *s, int i, int port_id) {
-    return pm_subsystem_values(s[i], port_id == i && i > 0 ? 1 : 0);
-}
-
-static void step_all(pm_subsystem *const *s) {
-    while (!pm_subsystem_completes_step(s[0])) {
-        for (int i = 0; i < COUNT; ++i) {
-            pm_subsystem_expose(s[i]);
-            pm_subsystem_bulk(s[i]);
-        }
-        for (int i = 0; i < COUNT; ++i) {
-            for (int k = 0; k < pm_subsystem_nport(s[i]); ++k) {
-                const int id = pm_subsystem_port_id(s[i], k);
-                pm_subsystem_couple(s[i], k, shown_by(s, id == i ? i + 1 : i - 1, id));
-            }
-        }
-        for (int i = 0; i < COUNT; ++i) {
-            pm_subsystem_advance(s[i]);
-        }
-    }
-    for (int i = 0; i < COUNT; ++i) {
-        assert_int_equal(pm_subsystem_end_step(s[i]), PM_OK);
-    }
-}
-
 // Whoever goes on from a checkpoint knows what has not changed since, and counts as if it had never
 // been away. With `still` all parts are, as their steps are too short to move them, but fluxes
 // flow.
 static void check_return(const char *integrator, bool still) {
-    enum { MEMORY = 512 };
     random_system w;
     if (still) {
         random_system_of_text(&w, 1, scene_text, part_text, port_text);
-        w.scene->dt = 1e-300;
+        w.scene->physics.dt = 1e-300;
     } else {
         open_chain(&w, 1);
     }
-    w.scene->integrator = pm_integrator_find(integrator);
-    pm_subsystem *kept[COUNT], *returned[COUNT];
-    for (int i = 0; i < COUNT; ++i) {
-        assert_int_equal(pm_subsystem_open(&kept[i], w.system, i), PM_OK);
-        pm_subsystem_set_state(kept[i], w.z + i * NZ);
-    }
+    w.scene->physics.integrator = pm_integrator_find(integrator);
+    divided kept, returned;
+    divided_open(&kept, w.system, 0, NULL);
+    divided_set_state(&kept, w.z);
     for (int step = 0; step < STEPS; ++step) {
+        divided_return(&returned, &kept);
+        assert_int_equal(divided_step(&kept), PM_OK);
+        assert_int_equal(divided_step(&returned), PM_OK);
         for (int i = 0; i < COUNT; ++i) {
-            double memory[MEMORY];
-            pm_record counted = pm_record_count("test"), saved = pm_record_save("test", memory);
-            pm_record restored = pm_record_restore("test", memory);
-            pm_subsystem_record(kept[i], &counted);
-            assert_in_range(counted.count, 1, MEMORY);
-            pm_subsystem_record(kept[i], &saved);
-            assert_int_equal(pm_subsystem_open(&returned[i], w.system, i), PM_OK);
-            pm_subsystem_record(returned[i], &restored);
-        }
-        step_all(kept);
-        step_all(returned);
-        for (int i = 0; i < COUNT; ++i) {
-            const pm_books x = pm_subsystem_books(kept[i]), y = pm_subsystem_books(returned[i]);
-            check_numbers(&w, "z", step, NZ, pm_subsystem_state(kept[i]),
-                          pm_subsystem_state(returned[i]));
-            check_numbers(&w, "bulk", step, 4, &x.bulk.energy, &y.bulk.energy);
-            check_numbers(&w, "flux", step, 4, &x.flux[0].energy, &y.flux[0].energy);
-            if (x.evaluated != y.evaluated || x.skipped != y.skipped) {
+            double z[2][NZ];
+            pm_flux flux[2];
+            pm_books books[2];
+            for (int k = 0; k < 2; ++k) {
+                const pm_local_subsystems *local = (k == 0 ? &kept : &returned)->local[i];
+                pm_local_subsystems_state(local, 0, z[k]);
+                books[k] = pm_local_subsystems_books(local, 0);
+                flux[k] = books[k].flux[0];
+            }
+            check_numbers(&w, "z", step, NZ, z[0], z[1]);
+            check_numbers(&w, "bulk", step, 4, &books[0].bulk.energy, &books[1].bulk.energy);
+            check_numbers(&w, "flux", step, 4, &flux[0].energy, &flux[1].energy);
+            if (books[0].evaluated != books[1].evaluated || books[0].skipped != books[1].skipped) {
                 random_system_fail(
                     &w, "%s, n%d after step %d: %ld evaluated, %ld skipped, expected %ld, %ld",
-                    integrator, i, step, y.evaluated, y.skipped, x.evaluated, x.skipped);
+                    integrator, i, step, books[1].evaluated, books[1].skipped, books[0].evaluated,
+                    books[0].skipped);
             }
-            pm_subsystem_close(returned[i]);
         }
+        divided_close(&returned);
     }
-    for (int i = 0; i < COUNT; ++i) {
-        pm_subsystem_close(kept[i]);
-    }
+    divided_close(&kept);
     random_system_close(&w);
 }
 

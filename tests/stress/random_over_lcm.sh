@@ -4,16 +4,7 @@
 # must go all the way and record nothing but finite numbers. No step may violate a law, except that the
 # iteration of an integrator may not converge, which the run tells.
 set -u
-if [ "${PM_PRIVATE_NETWORK:-}" != yes ]; then
-    if ! { [ "$(id -u)" -eq 0 ] && unshare -n true; } 2>/dev/null; then
-        echo "skipped: a private network needs root"
-        exit 77
-    fi
-    PM_PRIVATE_NETWORK=yes exec unshare -n sh "$0" "$@"
-fi
-ip link set lo up
-ip link set lo multicast on
-ip route add 224.0.0.0/4 dev lo
+. "$(dirname "$0")/../support/private_network.sh"
 portmetd=$1 random_pairs=$2 configs=$3 scenes=$4 pairs=$5
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

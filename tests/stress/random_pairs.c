@@ -53,7 +53,7 @@ static void write_scene(FILE *file, const pm_scene *pair, const double *z, int c
             "time: {dt: 0.3, steps: %d, integrator: %s, substeps: 4}\nsubsystems:\n",
             STEPS, method);
     for (int i = 0; i < 2 * count; ++i) {
-        const pm_scene_subsystem *part = &pair->subsystem[i % 2];
+        const pm_scene_subsystem *part = &pair->physics.subsystem[i % 2];
         fprintf(file, "  %s%d:\n    weights: %s%d.h5\n", parts[i % 2], i / 2, parts[i % 2], i / 2);
         write_state(file, &part->layout, z + part->first);
     }
@@ -87,10 +87,10 @@ static pm_status make_weights(const char *folder, pm_system *system, double *con
     }
     for (int end = 0; end < 2; ++end) {
         snprintf(path, sizeof path, "%s/%s%d.h5", folder, parts[end], i);
-        PM_TRY(pm_weights_save_part(path, system->part[end], &provenance));
+        PM_TRY(pm_weights_save(path, pm_component_of_part(system->part[end]), &provenance));
     }
     snprintf(path, sizeof path, "%s/joint%d.h5", folder, i);
-    return pm_weights_save_port(path, system->port[0], &provenance);
+    return pm_weights_save(path, pm_component_of_port(system->port[0]), &provenance);
 }
 
 static pm_status make_all(const char *folder, pm_system *system, int first, int count) {
@@ -121,7 +121,7 @@ static pm_status make(const char *folder, const char *configs, int first, int co
     snprintf(path, sizeof path, "%s/double_pendulum.yaml", configs);
     PM_TRY_DONE(pm_scene_load(&scene, path));
     PM_TRY_DONE(pm_system_load(&system, scene, NULL));
-    PM_TRY_DONE(pm_dataset_load(&reference, scene->reference));
+    PM_TRY_DONE(pm_dataset_load(&reference, scene->run.reference));
     PM_TRY_DONE(pm_columns_bind(&columns, scene, reference, &reference->arena));
     pm_columns_to_state(&columns, pm_dataset_state(reference, 0, 0), z);
     PM_TRY_DONE(make_all(folder, system, first, count));
@@ -170,10 +170,10 @@ static pm_status check_subsystem(const pm_hdf5 *file, const pm_scene_subsystem *
 }
 
 static pm_status check_pairs(const pm_hdf5 *file, const pm_scene *scene) {
-    for (int i = 0; i < scene->nsubsystem; i += 2) {
+    for (int i = 0; i < scene->physics.nsubsystem; i += 2) {
         double entropy[STEPS + 1] = {0};
-        PM_TRY(check_subsystem(file, &scene->subsystem[i], entropy));
-        PM_TRY(check_subsystem(file, &scene->subsystem[i + 1], entropy));
+        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i], entropy));
+        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i + 1], entropy));
         for (int k = 1; k <= STEPS; ++k) {
             if (!(entropy[k] >= entropy[k - 1] - LARGEST_FALL)) {
                 return pm_fail(PM_ELAW, "pair %d: entropy falls by %g J/K in step %d", i / 2,

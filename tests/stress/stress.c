@@ -76,9 +76,9 @@ static pm_status subject_open_edited(subject *s, const stress *t, const char *na
     snprintf(path, sizeof path, "%s/%s.yaml", t->configs, name);
     PM_TRY(load_edited(&s->scene, path, from, to));
     PM_TRY(pm_system_load(&s->system, s->scene, NULL));
-    PM_TRY(pm_dataset_load(&s->reference, s->scene->reference));
+    PM_TRY(pm_dataset_load(&s->reference, s->scene->run.reference));
     PM_TRY(pm_columns_bind(&columns, s->scene, s->reference, &s->reference->arena));
-    s->start = calloc((size_t)s->scene->nz, sizeof *s->start);
+    s->start = calloc((size_t)s->scene->physics.nz, sizeof *s->start);
     if (s->start == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a state");
     }
@@ -91,10 +91,10 @@ static pm_status subject_open(subject *s, const stress *t, const char *name) {
 }
 
 static void set_time(const subject *s, double dt, const char *integrator, int substeps) {
-    s->scene->dt = dt;
-    s->scene->integrator = pm_integrator_find(integrator);
-    s->scene->substeps = substeps;
-    s->scene->tolerance = 0;
+    s->scene->physics.dt = dt;
+    s->scene->physics.integrator = pm_integrator_find(integrator);
+    s->scene->physics.substeps = substeps;
+    s->scene->physics.tolerance = 0;
 }
 
 static void finish(stress *t, const trial_row *row) {
@@ -107,8 +107,8 @@ static void finish(stress *t, const trial_row *row) {
 // From a hundredth of the default step to ten times as long.
 static pm_status stress_steps(stress *t, const subject *s, const char *name) {
     static const double factor[] = {0.01, 0.1, 1, 3, 10};
-    const double dt = s->scene->dt;
-    const int substeps = s->scene->substeps;
+    const double dt = s->scene->physics.dt;
+    const int substeps = s->scene->physics.substeps;
     for (size_t m = 0; m < METHODS; ++m) {
         for (size_t i = 0; i < sizeof factor / sizeof *factor; ++i) {
             trial_row row = {.count = 0};
@@ -126,7 +126,7 @@ static pm_status stress_steps(stress *t, const subject *s, const char *name) {
 // itself at up to `reach` half ranges from the middle.
 static pm_status stress_states(stress *t, const subject *s, const char *name) {
     static const double reach[] = {1, 2, 3};
-    const int nz = s->scene->nz, substeps = s->scene->substeps;
+    const int nz = s->scene->physics.nz, substeps = s->scene->physics.substeps;
     pm_columns columns;
     PM_TRY(pm_columns_bind(&columns, s->scene, s->reference, &s->reference->arena));
     for (size_t i = 0; i < 2 * sizeof reach / sizeof *reach; ++i) {
@@ -134,7 +134,7 @@ static pm_status stress_states(stress *t, const subject *s, const char *name) {
         const char *method = methods[1 + i % 2];
         snprintf(row.name, sizeof row.name, "%s, starts x %g of the data, %s", name, reach[i / 2],
                  method);
-        set_time(s, s->scene->dt, method, substeps);
+        set_time(s, s->scene->physics.dt, method, substeps);
         pm_rng rng;
         pm_rng_init(&rng, SEED, i / 2);
         for (int k = 0; k < 5 * t->effort; ++k) {
@@ -154,7 +154,7 @@ static pm_status stress_states(stress *t, const subject *s, const char *name) {
         }
         finish(t, &row);
     }
-    set_time(s, s->scene->dt, "rk4", substeps);
+    set_time(s, s->scene->physics.dt, "rk4", substeps);
     return PM_OK;
 }
 
@@ -164,7 +164,7 @@ static pm_status stress_conduction(stress *t, const subject *s) {
     pm_param_entry *factor =
         pm_params_find(&s->system->port[0]->params, "irreversible.matrix.constant");
     const int size = factor->rows * factor->cols;
-    const int substeps = s->scene->substeps;
+    const int substeps = s->scene->physics.substeps;
     double before = 0.5;
     for (size_t i = 0; i < sizeof K / sizeof *K; ++i) {
         for (int c = 0; c < size; ++c) {
@@ -175,12 +175,12 @@ static pm_status stress_conduction(stress *t, const subject *s) {
             trial_row row = {.count = 0};
             const int n = m == 2 ? 1 : substeps;
             snprintf(row.name, sizeof row.name, "K = %g W/K, %s, %d substeps", K[i], methods[m], n);
-            set_time(s, s->scene->dt, methods[m], n);
+            set_time(s, s->scene->physics.dt, methods[m], n);
             PM_TRY(trial_run(&row, s->system, s->start, 200L * t->effort, t->recording));
             finish(t, &row);
         }
     }
-    set_time(s, s->scene->dt, "rk4", substeps);
+    set_time(s, s->scene->physics.dt, "rk4", substeps);
     return PM_OK;
 }
 
@@ -193,7 +193,7 @@ static pm_status stress_known(stress *t, const char *K) {
     snprintf(constant, sizeof constant, "{K: %s}", K);
     snprintf(row.name, sizeof row.name, "known, K = %s W/K, discrete_gradient, 1 substep", K);
     PM_TRY_DONE(subject_open_edited(&s, t, "analytic_double_pendulum", "{K: 0.5}", constant));
-    set_time(&s, s.scene->dt, "discrete_gradient", 1);
+    set_time(&s, s.scene->physics.dt, "discrete_gradient", 1);
     PM_TRY_DONE(trial_run(&row, s.system, s.start, 200L * t->effort, t->recording));
     finish(t, &row);
 done:
@@ -204,18 +204,18 @@ done:
 // Masses that fall towards the pivot and pass it at ever smaller distances.
 static pm_status stress_passes(stress *t, const subject *s, const char *name) {
     static const double distance[] = {1, 0.1, 0.01, 1e-3, 1e-6, 0};
-    const int substeps = s->scene->substeps;
+    const int substeps = s->scene->physics.substeps;
     for (size_t i = 0; i < 2 * sizeof distance / sizeof *distance; ++i) {
         trial_row row = {.count = 0};
         const char *method = methods[1 + i % 2];
         const double d = distance[i / 2];
         snprintf(row.name, sizeof row.name, "%s, passing at %g m, %s", name, d, method);
-        set_time(s, s->scene->dt, method, substeps);
+        set_time(s, s->scene->physics.dt, method, substeps);
         const double z[2 * LINK_SIZE] = {2, d, -1, 0, 0, d, -2, 0, 1, 0};
         PM_TRY(trial_run(&row, s->system, z, 100L * t->effort, t->recording));
         finish(t, &row);
     }
-    set_time(s, s->scene->dt, "rk4", substeps);
+    set_time(s, s->scene->physics.dt, "rk4", substeps);
     return PM_OK;
 }
 
@@ -300,7 +300,7 @@ static pm_status stress_chain(stress *t, int n, const char *method) {
     PM_TRY_DONE(status);
     PM_TRY_DONE(pm_scene_parse(&s.scene, text, "chain.yaml"));
     PM_TRY_DONE(pm_system_load(&s.system, s.scene, NULL));
-    s.start = calloc((size_t)s.scene->nz, sizeof *s.start);
+    s.start = calloc((size_t)s.scene->physics.nz, sizeof *s.start);
     status = s.start == NULL ? pm_fail(PM_ENOMEM, "out of memory for a chain") : PM_OK;
     PM_TRY_DONE(status);
     for (int k = 0; k < n; ++k) {

@@ -22,13 +22,13 @@ static void keep_text(char *to, const char *format, long step, const char *text)
 // q relative to the one before; else NaN.
 static double angular_momentum(const pm_scene *scene, const double *z) {
     double pivot[2] = {0, 0}, sum = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_layout *layout = &scene->subsystem[i].layout;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_layout *layout = &scene->physics.subsystem[i].layout;
         const pm_group *q = pm_layout_find(layout, "q"), *p = pm_layout_find(layout, "p");
         if (q == NULL || p == NULL || q->size != 2 || p->size != 2) {
             return NAN;
         }
-        const double *own = z + scene->subsystem[i].first;
+        const double *own = z + scene->physics.subsystem[i].first;
         pivot[0] += own[q->first];
         pivot[1] += own[q->first + 1];
         sum += pivot[0] * own[p->first + 1] - pivot[1] * own[p->first];
@@ -38,10 +38,10 @@ static double angular_momentum(const pm_scene *scene, const double *z) {
 
 static bool is_finite(const pm_scene *scene, const pm_sample *sample) {
     bool finite = true;
-    for (int i = 0; i < scene->nz; ++i) {
+    for (int i = 0; i < scene->physics.nz; ++i) {
         finite = finite && isfinite(sample->z[i]);
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         finite = finite && isfinite(sample->energy[i]) && isfinite(sample->entropy[i]);
     }
     return finite;

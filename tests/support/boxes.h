@@ -2,7 +2,7 @@
 #ifndef PM_TESTS_BOXES_H
 #define PM_TESTS_BOXES_H
 
-#include "body/contact_pairs.h"
+#include "bodies/solid/contact_pairs.h"
 
 #define GAP 0.25
 #define MOST_NODES 100

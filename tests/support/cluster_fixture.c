@@ -26,14 +26,9 @@ static pm_status compare(void *context, const pm_sample *sample) {
     const size_t n = (size_t)c->nlink, number = sizeof(double);
     assert_int_equal(sample->step, c->steps_seen);
     assert_memory_equal(&sample->time, &plain->time, number);
-    assert_memory_equal(sample->z, plain->z, (size_t)c->f.scene->nz * number);
-    assert_memory_equal(sample->energy, plain->energy, n * number);
-    assert_memory_equal(sample->entropy, plain->entropy, n * number);
-    assert_memory_equal(sample->bulk_energy, plain->bulk_energy, n * number);
-    assert_memory_equal(sample->bulk_entropy, plain->bulk_entropy, n * number);
-    assert_memory_equal(sample->bulk_gross, plain->bulk_gross, 2 * n * number);
-    assert_memory_equal(sample->evaluated, plain->evaluated, n * sizeof(long));
-    assert_memory_equal(sample->skipped, plain->skipped, n * sizeof(long));
+    assert_memory_equal(sample->z, plain->z, (size_t)c->f.scene->physics.nz * number);
+#define SAME(member, name, series, unit) assert_memory_equal(sample->name, plain->name, n *number);
+    PM_SUBSYSTEM_NUMBERS(SAME, SAME)
     if (n > 1) {
         assert_memory_equal(sample->flux, plain->flux, (n - 1) * sizeof(pm_flux[2]));
     }
@@ -97,7 +92,7 @@ static void add_coordinator(cluster *c) {
         .gate = c->gate,
         .checkpoint = checkpoint_of(c, c->count),
     };
-    assert_int_equal(pm_transport_open(&c->coordinator_transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_hub_connect(c->hub, &c->coordinator_transport), PM_OK);
     assert_int_equal(pm_lockstep_coordinator_open(&c->coordinator, c->f.system,
                                                   c->coordinator_transport, &options),
                      PM_OK);
@@ -118,9 +113,9 @@ static void begin(cluster *c, int nlink, int count, int window, pm_hub *hub, int
     if (count != nlink) {
         fixture_deal(&c->f, count);
     }
-    c->f.scene->window = window;
-    c->f.scene->patience = PATIENCE;
-    c->f.scene->checkpoint = CHECKPOINT;
+    c->f.scene->network.window = window;
+    c->f.scene->network.patience = PATIENCE;
+    c->f.scene->network.checkpoint = CHECKPOINT;
 }
 
 // Plain loop, endpoints and coordinator.
@@ -128,7 +123,7 @@ static void open_rest(cluster *c) {
     assert_int_equal(pm_monolithic_open(&c->assembly, c->f.system), PM_OK);
     pm_monolithic_set_state(c->assembly, c->f.z);
     for (int i = 0; i < c->count; ++i) {
-        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", c->hub), PM_OK);
+        assert_int_equal(pm_hub_connect(c->hub, &c->transport[i]), PM_OK);
     }
     add_coordinator(c);
 }
@@ -159,9 +154,9 @@ void cluster_open_dealt(cluster *c, int nlink, int count, int window, pm_hub *hu
 void cluster_open_quick(cluster *c, int count, int window, pm_hub *hub, int64_t session,
                         const char *folder) {
     begin(c, count, count, window, hub, session, folder);
-    c->f.scene->integrator = pm_integrator_find("euler");
-    c->f.scene->substeps = 1;
-    c->f.scene->checkpoint = QUICK_CHECKPOINT;
+    c->f.scene->physics.integrator = pm_integrator_find("euler");
+    c->f.scene->physics.substeps = 1;
+    c->f.scene->network.checkpoint = QUICK_CHECKPOINT;
     open_rest(c);
     add_nodes(c);
 }
@@ -191,7 +186,7 @@ void cluster_return(cluster *c, int i) {
     if (i == c->count) {
         add_coordinator(c);
     } else {
-        assert_int_equal(pm_transport_open(&c->transport[i], "memory://", c->hub), PM_OK);
+        assert_int_equal(pm_hub_connect(c->hub, &c->transport[i]), PM_OK);
         cluster_add(c, i, c->f.system, c->session);
     }
 }

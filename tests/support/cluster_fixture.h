@@ -3,9 +3,11 @@
 #ifndef PM_TESTS_CLUSTER_FIXTURE_H
 #define PM_TESTS_CLUSTER_FIXTURE_H
 
-#include "lockstep/lockstep.h"
+#include "lockstep/coordinator.h"
+#include "lockstep/node.h"
 #include "sim/monolithic.h"
 #include "tests/support/fixture.h"
+#include "tests/support/memory_hub.h"
 
 #define MAX_NODES 5
 #define STEPS 20

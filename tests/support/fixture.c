@@ -81,13 +81,13 @@ static void make_models(pm_system *system, pm_rng *rng) {
     pm_yaml_document *part_document, *port_document;
     const pm_yaml part_block = parse(part_text, &part_document);
     const pm_yaml port_block = parse(port_text, &port_document);
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
         pm_part *part = system->part[i];
         require(pm_part_spec_read(part_block, (pm_yaml){0}, &system->arena, &part->spec));
         require(pm_part_declare(part));
         pm_params_randomise(&part->params, rng);
     }
-    for (int i = 0; i < system->scene->nport; ++i) {
+    for (int i = 0; i < system->scene->physics.nport; ++i) {
         pm_port_model *port = system->port[i];
         require(pm_port_spec_read(port_block, (pm_yaml){0}, &system->arena, &port->spec));
         require(pm_port_declare(port));
@@ -105,11 +105,11 @@ void fixture_open(fixture *f, int nlink, uint64_t seed) {
     require(pm_system_new(&f->system, f->scene));
     make_models(f->system, &rng);
     f->system->digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)seed);
-    f->z = pm_arena_array(&f->scene->arena, (size_t)f->scene->nz, sizeof *f->z);
+    f->z = pm_arena_array(&f->scene->arena, (size_t)f->scene->physics.nz, sizeof *f->z);
     if (f->z == NULL) {
         abort();
     }
-    for (int i = 0; i < f->scene->nz; ++i) {
+    for (int i = 0; i < f->scene->physics.nz; ++i) {
         f->z[i] = pm_rng_normal(&rng);
     }
 }
@@ -117,16 +117,17 @@ void fixture_open(fixture *f, int nlink, uint64_t seed) {
 void fixture_deal(fixture *f, int nprocess) {
     static const char *const names[] = {"one", "two", "three", "four", "five"};
     pm_scene *scene = f->scene;
-    const size_t size = (size_t)scene->nsubsystem;
-    scene->process = pm_arena_array(&scene->arena, (size_t)nprocess, sizeof *scene->process);
-    scene->nprocess = nprocess;
+    const size_t size = (size_t)scene->physics.nsubsystem;
+    scene->network.process =
+        pm_arena_array(&scene->arena, (size_t)nprocess, sizeof *scene->network.process);
+    scene->network.nprocess = nprocess;
     for (int i = 0; i < nprocess; ++i) {
         int *list = pm_arena_array(&scene->arena, size, sizeof *list);
-        scene->process[i] = (pm_scene_process){.name = names[i], .subsystem = list};
+        scene->network.process[i] = (pm_scene_process){.name = names[i], .subsystem = list};
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        pm_scene_process *process = &scene->process[i % nprocess];
-        scene->subsystem[i].process = i % nprocess;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        pm_scene_process *process = &scene->network.process[i % nprocess];
+        scene->physics.subsystem[i].process = i % nprocess;
         process->subsystem[process->count++] = i;
     }
 }

@@ -81,7 +81,7 @@ static pm_status make_part(pm_system *system, pm_part *part, const char *text, u
     PM_TRY(pm_part_declare(part));
     pm_rng_init(&rng, SEED, stream);
     pm_params_randomise(&part->params, &rng);
-    return pm_weights_save_part(path, part, &provenance);
+    return pm_weights_save(path, pm_component_of_part(part), &provenance);
 }
 
 // Writes weights of another part with the state of `right`.
@@ -105,7 +105,7 @@ static pm_status make_port(pm_system *system, const char *path) {
     PM_TRY(pm_port_declare(port));
     pm_rng_init(&rng, SEED, 2);
     pm_params_randomise(&port->params, &rng);
-    return pm_weights_save_port(path, port, &provenance);
+    return pm_weights_save(path, pm_component_of_port(port), &provenance);
 }
 
 static pm_status fill_reference(const pm_system *system, pm_dataset *dataset) {
@@ -148,7 +148,7 @@ static pm_status make_reference(const pm_system *system) {
     static const char *const column[COLUMNS] = {"q1", "p1", "s1", "q2", "p2", "s2"};
     pm_dataset *dataset = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_dataset_new(&dataset, 1, STATES, COLUMNS, system->scene->dt, column));
+    PM_TRY_DONE(pm_dataset_new(&dataset, 1, STATES, COLUMNS, system->scene->physics.dt, column));
     PM_TRY_DONE(fill_reference(system, dataset));
     PM_TRY_DONE(pm_dataset_save(dataset, "reference.h5"));
     status = spoil_value("reference.h5", "nan.h5", pm_dataset_state(dataset, 0, 3)[2], NAN);

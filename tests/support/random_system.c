@@ -269,14 +269,14 @@ static void make(random_system *w) {
     pm_linalg_init();
     require(w, pm_scene_parse(&w->scene, w->scene_text, "random_system.yaml"));
     require(w, pm_system_new(&w->system, w->scene));
-    for (int i = 0; i < w->scene->nsubsystem; ++i) {
+    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
         make_part(w, i);
     }
-    for (int i = 0; i < w->scene->nport; ++i) {
+    for (int i = 0; i < w->scene->physics.nport; ++i) {
         make_port(w, i);
     }
-    w->z = pm_arena_array(&w->scene->arena, (size_t)w->scene->nz, sizeof *w->z);
-    for (int i = 0; i < w->scene->nz; ++i) {
+    w->z = pm_arena_array(&w->scene->arena, (size_t)w->scene->physics.nz, sizeof *w->z);
+    for (int i = 0; i < w->scene->physics.nz; ++i) {
         w->z[i] = pm_rng_normal(&w->rng);
     }
 }

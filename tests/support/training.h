@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "learn/training.h"
+#include "fit/training.h"
 #include "tests/support/scratch.h"
 
 // Loads a training from the text of its file, which names its scene "scene.yaml", and the text of

@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "truth/beam_load.h"
-#include "truth/beam_solve.h"
+#include "bodies/truth/beam.h"
+#include "bodies/truth/beam_solve.h"
 
 static const pm_beam_material elastic = {.C10 = 1.5e5, .C01 = 5e3, .D1 = 1e-7};
 static const pm_beam_material viscous = {
@@ -92,7 +92,7 @@ static void rotation_turns_the_stress(void **state) {
 // Deforms 2x2x2 distorted bricks by `F`, and computes the forces at the inner node and the stresses
 // of the elements.
 static void respond_patch(const double F[9], double *inner, double stress[8][PM_SYMMETRIC]) {
-    pm_arena arena = {NULL};
+    pm_arena arena = {0};
     pm_beam_mesh mesh;
     pm_beam_memory memory[PM_BEAM_POINTS], after[PM_BEAM_POINTS];
     const int count[3] = {2, 2, 2};
@@ -264,7 +264,7 @@ static void row_of_the_top_face(void **state) {
 static void surface_of_a_box(void **state) {
     (void)state;
     bar b;
-    pm_arena arena = {NULL};
+    pm_arena arena = {0};
     pm_beam_skin skin;
     pm_rng rng;
     make_bar(&b, &elastic);
@@ -299,7 +299,7 @@ static void surface_of_a_box(void **state) {
 static void patch_on_a_surface(void **state) {
     (void)state;
     bar b;
-    pm_arena arena = {NULL};
+    pm_arena arena = {0};
     pm_beam_skin skin;
     make_bar(&b, &elastic);
     assert_int_equal(pm_beam_skin_make(&skin, &b.mesh, &arena), PM_OK);

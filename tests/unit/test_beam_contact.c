@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "truth/beam_contact.h"
-#include "truth/beam_solve.h"
-#include "truth/truth.h"
+#include "bodies/truth/beam.h"
+#include "bodies/truth/beam_contact.h"
+#include "bodies/truth/beam_solve.h"
 
 static const pm_beam_material elastic = {.C10 = 1.5e5, .C01 = 5e3, .D1 = 1e-7};
 
@@ -34,7 +34,7 @@ typedef struct pair {
 static void make_pair(pair *p, bool crossed, double gap, double stiffness) {
     const int count[3] = {8, 2, 2};
     const double size[3] = {16, 4, 4};
-    const pm_beam_placement placement[2] = {
+    const pm_placement placement[2] = {
         {.axis = {0, 1, 2}, .sign = {1, 1, 1}},
         {.origin = {crossed ? 14.05 : 0, crossed ? -9.95 : 0, 4 + gap},
          .axis = {crossed, !crossed, 2},
@@ -336,21 +336,26 @@ enum { MOST = 2 };
 static void simulate(const char *text, pm_field *field[MOST], int *nbody) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
-    pm_arena arena = {NULL};
+    pm_arena arena = {0};
     pm_truth_model model = {.title = NULL};
     assert_int_equal(pm_yaml_parse(&document, text, "test", &root), PM_OK);
     if (pm_beam_read(root, &arena, &model) != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    const pm_truth_body *body = model.body;
-    const pm_field_shape shape = {
-        1, 3, body->nnode, body->nvariable, body->nelement, body->name != NULL};
-    *nbody = body->nbody;
-    for (int b = 0; b < body->nbody; ++b) {
-        assert_int_equal(pm_field_new(&field[b], shape, 0.1, body->variable), PM_OK);
-        body->describe(model.ode.data, b, field[b]);
+    const pm_beam_system *system = model.ode.data;
+    const pm_beam_mesh *mesh = &system->mesh;
+    *nbody = mesh->nbody;
+    const pm_field_shape shape = {1,
+                                  3,
+                                  mesh->nnode / mesh->nbody,
+                                  PM_BODY_NVARIABLE,
+                                  mesh->nelement / mesh->nbody,
+                                  system->name != NULL};
+    for (int b = 0; b < mesh->nbody; ++b) {
+        assert_int_equal(pm_field_new(&field[b], shape, 0.1, PM_BODY_VARIABLES), PM_OK);
+        pm_beam_describe(system, b, field[b]);
     }
-    assert_int_equal(body->run(model.ode.data, 3, 7, field, 0), PM_OK);
+    assert_int_equal(pm_beam_run(system, 3, 7, field, 0), PM_OK);
     pm_arena_free(&arena);
     pm_yaml_close(document);
 }

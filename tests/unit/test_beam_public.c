@@ -11,8 +11,9 @@
 
 #include <cmocka.h>
 
-#include "store/field.h"
-#include "truth/beam_solve.h"
+#include "bodies/field/field.h"
+#include "bodies/truth/beam.h"
+#include "bodies/truth/beam_solve.h"
 
 #define PUBLIC_DATA "../shared/data/beam.h5"
 #define SKIPPED 77 // the exit code that ctest reports as skipped

@@ -10,9 +10,9 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
+#include "bodies/modal/contact_force.h"
+#include "bodies/modal/contact_part.h"
 #include "graph/program.h"
-#include "modal/contact_force.h"
-#include "modal/contact_part.h"
 #include "scene/weights.h"
 #include "tests/support/boxes.h"
 #include "tests/support/scratch.h"
@@ -350,7 +350,7 @@ static void save_part(const stack *s, const pm_contact_interface *m, double stif
     pm_part part;
     assert_int_equal(pm_contact_part_make(&s->assembly, m, &constants, &arena, &part), PM_OK);
     const char *path = pm_contact_part_path(&s->assembly, m, folder, &arena);
-    assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
+    assert_int_equal(pm_weights_save(path, pm_component_of_part(&part), &provenance), PM_OK);
     pm_part_free(&part);
     pm_arena_free(&arena);
 }

@@ -45,7 +45,7 @@ static void open(fixture *f, int ntime) {
     if (pm_scene_parse(&f->scene, text, "t.yaml") != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    assert_int_equal(f->scene->nprescribed, NVALUE);
+    assert_int_equal(f->scene->physics.nprescribed, NVALUE);
     assert_int_equal(pm_dataset_new(&f->data, 2, ntime, 2, 0.1 * STRIDE, columns), PM_OK);
 }
 

@@ -3,30 +3,8 @@
 # and, if it failed, exactly one line that says what is wrong. Runs that need a network are in
 # tests/distributed.
 . "$(dirname "$0")/../support/setting.sh"
-portmetd=$1
+portmetd=$1 program=$1
 make_scene=$2
-
-# expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
-expect() {
-    code=$1 text=$2
-    shift 2
-    timeout 200 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null
-    found=$?
-    [ $found -eq "$code" ] || fail "portmetd $*: expected exit code $code, found $found"
-    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmetd $*: expected one line of error"
-    grep -qF -e "$text" "$folder/err" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
-    grep -q '^portmetd: ' "$folder/err" || fail "portmetd $*: the program's name is missing"
-}
-
-# succeed TEXT ARGUMENT...: TEXT on standard output, nothing on standard error.
-succeed() {
-    text=$1
-    shift
-    timeout 200 "$portmetd" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
-        fail "portmetd $*: expected success"
-    [ ! -s "$folder/err" ] || fail "portmetd $*: expected no error"
-    grep -qF -e "$text" "$folder/out" || fail "portmetd $*: expected \"$text\", found: $(cat "$folder/err")"
-}
 
 # expect_json CODE PART TEXT ARGUMENT...: the exit code, and TEXT in the only line, a JSON object about PART.
 expect_json() {

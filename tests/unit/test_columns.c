@@ -23,7 +23,7 @@ static const char *const mapped[3][3] = {
 static const char *const place[3] = {"f:1:10", "f:1:20", "f:1:30"};
 
 static pm_group group[] = {{.name = "q", .unit = "m", .size = 2},
-                           {.name = "s", .unit = "J/K", .size = 1, .first = 2}};
+                           {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}};
 static const char *group_at[] = {"f:1:5", "f:1:6"};
 static int relative_subsystem[3][2], relative_group[3][2];
 
@@ -50,7 +50,8 @@ static int setup(void **state) {
         relative_subsystem[i][1] = -1;
         relative_group[i][0] = relative_group[i][1] = 0;
     }
-    scene = (pm_scene){.path = "scene.yaml", .nsubsystem = 3, .subsystem = subsystem, .nz = NZ};
+    scene = (pm_scene){.path = "scene.yaml",
+                       .physics = {.nsubsystem = 3, .subsystem = subsystem, .nz = NZ}};
     dataset = (pm_dataset){.ncolumn = NCOLUMN, .column = names};
     return 0;
 }

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "body/contact_pairs.h"
+#include "bodies/solid/contact_pairs.h"
 #include "tests/support/boxes.h"
 
 // The lower box is [0,8] x [0,4] x [0,2]. The upper one crosses it above x = 2 .. 5; its own x

@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "body/correction.h"
+#include "bodies/solid/correction.h"
 
 enum { NROW = 5, NNODE = 2 * NROW, NTIME = 3, NVARIABLE = 2 };
 

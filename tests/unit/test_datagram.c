@@ -14,7 +14,6 @@
 #include <unistd.h>
 
 #include "base/rng.h"
-#include "transport/channel_filter.h"
 #include "transport/datagram.h"
 #include "transport/transport.h"
 

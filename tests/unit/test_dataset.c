@@ -13,8 +13,8 @@
 
 #include <cmocka.h>
 
-#include "base/attempt.h"
 #include "store/dataset.h"
+#include "store/hdf5_io.h"
 #include "tests/support/scratch.h"
 
 static const char *const columns[] = {"q", "p", "s"};
@@ -155,7 +155,7 @@ static void replace(const char *path, const char *name, hid_t type, int rank, co
     H5Fclose(file);
 }
 
-#if PM_ATTEMPT_LIMITS_MEMORY
+#if PM_HDF5_TRY_LIMITS_MEMORY
 // A file of a few kilobytes that holds more numbers than the process can have memory. The child's
 // exit status says what went wrong.
 static void load_with_little_memory(const char *path) {
@@ -372,7 +372,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(rates_come_back, scratch_setup, scratch_teardown),
         cmocka_unit_test_setup_teardown(files_that_are_not_datasets_are_refused, scratch_setup,
                                         scratch_teardown),
-#if PM_ATTEMPT_LIMITS_MEMORY
+#if PM_HDF5_TRY_LIMITS_MEMORY
         cmocka_unit_test_setup_teardown(more_numbers_than_memory_are_refused, scratch_setup,
                                         scratch_teardown),
 #endif

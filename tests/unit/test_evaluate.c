@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -34,12 +35,13 @@ typedef struct bench {
 static void bench_open(bench *b, int stride) {
     fixture_open(&b->f, 2, 3);
     pm_scene *scene = b->f.scene;
-    scene->subsystem[0].column = names[0];
-    scene->subsystem[1].column = names[1];
-    scene->subsystem[1].relative_subsystem[0] = 0;
-    scene->subsystem[1].relative_group[0] = 0;
+    scene->physics.subsystem[0].column = names[0];
+    scene->physics.subsystem[1].column = names[1];
+    scene->physics.subsystem[1].relative_subsystem[0] = 0;
+    scene->physics.subsystem[1].relative_group[0] = 0;
     assert_int_equal(
-        pm_dataset_new(&b->data, NTRAJECTORY, NTIME, NCOLUMN, stride * scene->dt, layout), PM_OK);
+        pm_dataset_new(&b->data, NTRAJECTORY, NTIME, NCOLUMN, stride * scene->physics.dt, layout),
+        PM_OK);
     pm_columns columns;
     pm_monolithic *assembly = NULL;
     assert_int_equal(pm_columns_bind(&columns, scene, b->data, &b->data->arena), PM_OK);
@@ -188,8 +190,8 @@ static void steps_outside_the_training_range_are_counted(void **state) {
     pm_training_range_widen(part, b.f.z);
     pm_evaluation *e = evaluate(&b, 0, 2, 1);
     for (int i = 0; i < e->count; ++i) {
-        assert_int_equal(e->rollout[i].outside[0], NTIME - 1);
-        assert_int_equal(e->rollout[i].outside[1], 0);
+        assert_int_equal(e->rollout[i].nout_of_range[0], NTIME - 1);
+        assert_int_equal(e->rollout[i].nout_of_range[1], 0);
     }
     pm_evaluation_free(e);
     bench_close(&b);
@@ -199,7 +201,7 @@ static void violations_are_told(void **state) {
     (void)state;
     bench b = {.data = NULL};
     bench_open(&b, 1);
-    b.f.scene->energy_tolerance = -1;
+    b.f.scene->run.energy_tolerance = -1;
     pm_evaluation *e = evaluate(&b, 1, 3, 2);
     const pm_rollout *r = pm_evaluation_violation(e);
     assert_non_null(r);
@@ -230,11 +232,11 @@ static void what_cannot_be_evaluated(void **state) {
     assert_fails(&b, &how, PM_EDATA, "no multiple");
     b.data->dt /= 3;
     assert_fails(&b, &how, PM_EDATA, "no multiple");
-    b.data->dt = b.f.scene->dt;
+    b.data->dt = b.f.scene->physics.dt;
     b.data->ntime = 1;
     assert_fails(&b, &how, PM_EDATA, "leaves nothing to predict");
     b.data->ntime = NTIME;
-    b.f.scene->subsystem[0].column = NULL;
+    b.f.scene->physics.subsystem[0].column = NULL;
     assert_fails(&b, &how, PM_ECONFIG, "maps no columns");
     bench_close(&b);
 }
@@ -256,6 +258,95 @@ static void many_rows_are_summarised(void **state) {
     assert_string_equal(worst.name, "b");
 }
 
+// --- units of entropies ---
+
+// Two warm bodies with friction that exchange heat; `unit` is that of their entropies, `kilo` how
+// many J/K it is.
+static void load_warm_bodies(pm_scene **scene, pm_system **system, const char *unit, double kilo) {
+    char text[2048];
+    snprintf(text, sizeof text,
+             "scene: warm\n"
+             "time: {dt: 0.05, steps: 10, integrator: rk4, substeps: 2}\n"
+             "models:\n"
+             "  body:\n"
+             "    energy: [\"|p|^2/2 + |q|^2/2\", \"900*exp(u*s/3)\"]\n"
+             "    constants: {u: %.17g}\n"
+             "    entropy: {given: {s: %.17g}}\n"
+             "    reversible: {given: [[q, p, 1.0]]}\n"
+             "    irreversible: {given: [[p, s, 40.0]]}\n"
+             "  heat: {law: bracket, irreversible: {given: [[a.s, b.s, %.17g]]}}\n"
+             "subsystems:\n"
+             "  a: {model: body, state: {q: {unit: m, columns: qa}, p: {unit: kg m/s,\n"
+             "      columns: pa}, s: {unit: %s, columns: sa}}}\n"
+             "  b: {model: body, state: {q: {unit: m, columns: qb}, p: {unit: kg m/s,\n"
+             "      columns: pb}, s: {unit: %s, columns: sb}}}\n"
+             "ports:\n"
+             "  wall: {law: bracket, between: [a, b], expose: {a: s, b: s}, model: heat}\n",
+             kilo, kilo, 0.5 / (kilo * kilo), unit, unit);
+    if (pm_scene_parse(scene, text, "warm.yaml") != PM_OK ||
+        pm_system_load(system, *scene, NULL) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+static void assert_same(const char *what, double value, double expected) {
+    assert_near(what, value, expected, 1e-6 * fabs(expected) + 1e-12);
+}
+
+// The same bodies with entropies in J/K and in kJ/K: the temperatures and every other
+// thermodynamic quantity of the report are equal.
+static void units_of_entropies_change_no_report(void **state) {
+    (void)state;
+    static const char *const column[] = {"qa", "pa", "sa", "qb", "pb", "sb"};
+    static const char *const unit[2] = {"J/K", "kJ/K"};
+    enum { NSTATE = 6 };
+    pm_scene *scene[2] = {NULL};
+    pm_system *system[2] = {NULL};
+    pm_dataset *data[2] = {NULL};
+    pm_evaluation *e[2] = {NULL};
+    pm_thermo thermo[2];
+    for (int k = 0; k < 2; ++k) {
+        const double kilo = k == 0 ? 1 : 1000;
+        const pm_evaluate_how how = {.threads = 1};
+        load_warm_bodies(&scene[k], &system[k], unit[k], kilo);
+        assert_int_equal(pm_dataset_new(&data[k], 3, NTIME, NSTATE, 0.05, column), PM_OK);
+        for (int i = 0; i < 3 * NTIME; ++i) { // no solutions, so that all errors are finite
+            double *z = pm_dataset_state(data[k], i / NTIME, i % NTIME);
+            for (int c = 0; c < NSTATE; ++c) {
+                z[c] = 0.3 + 0.2 * c + 0.1 * (i / NTIME) + 0.02 * (i % NTIME);
+                z[c] /= c % 3 == 2 ? kilo : 1;
+            }
+        }
+        if (pm_evaluate(&e[k], system[k], data[k], 0, 3, &how) != PM_OK) {
+            fail_msg("%s", pm_error());
+        }
+        assert_int_equal(pm_thermo_make(&thermo[k], e[k]), PM_OK);
+    }
+    assert_true(thermo[0].coldest > 300 && thermo[0].warmest > thermo[0].coldest);
+    assert_same("coldest", thermo[1].coldest, thermo[0].coldest);
+    assert_same("warmest", thermo[1].warmest, thermo[0].warmest);
+    assert_int_equal(thermo[1].count, thermo[0].count);
+    for (int i = 0; i < thermo[0].count; ++i) {
+        const pm_thermo_row *one = &thermo[0].row[i], *other = &thermo[1].row[i];
+        assert_string_equal(other->kind, one->kind);
+        assert_same(one->kind, other->median, one->median);
+        assert_same(one->kind, other->largest, one->largest);
+        assert_same(one->kind, other->bias, one->bias);
+        assert_same(one->kind, other->typical, one->typical);
+    }
+    assert_int_equal(e[1]->columns.ngroup, e[0]->columns.ngroup);
+    for (int g = 0; g < e[0]->columns.ngroup; ++g) {
+        assert_same("error", e[1]->trajectory[g].median, e[0]->trajectory[g].median);
+    }
+    for (int k = 0; k < 2; ++k) {
+        pm_thermo_free(&thermo[k]);
+        pm_evaluation_free(e[k]);
+        pm_dataset_free(data[k]);
+        pm_system_free(system[k]);
+        pm_scene_free(scene[k]);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(many_rows_are_summarised),
@@ -266,6 +357,7 @@ int main(void) {
         cmocka_unit_test(steps_outside_the_training_range_are_counted),
         cmocka_unit_test(violations_are_told),
         cmocka_unit_test(what_cannot_be_evaluated),
+        cmocka_unit_test(units_of_entropies_change_no_report),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

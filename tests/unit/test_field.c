@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "store/field.h"
+#include "bodies/field/field.h"
 #include "tests/support/scratch.h"
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };

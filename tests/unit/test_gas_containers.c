@@ -36,7 +36,7 @@ static pm_status load_config(scratch *folder, double wall_mass, double conductiv
                  wall_mass, conductivity, initial);
     const char *path = scratch_path(folder, "truth.yaml");
     scratch_write(path, text, (size_t)length);
-    return pm_truth_load(truth, path);
+    return pm_truth_load(truth, path, NULL);
 }
 
 static pm_truth *open(scratch *folder, double wall_mass, double conductivity) {
@@ -168,7 +168,7 @@ static void shipped_configuration(void **state) {
     static double z[401][NZ], check[401][NZ];
     pm_truth *truth = NULL;
     pm_dataset *data = NULL;
-    if (pm_truth_load(&truth, "configs/truth/gas_containers.yaml") != PM_OK ||
+    if (pm_truth_load(&truth, "configs/truth/gas_containers.yaml", NULL) != PM_OK ||
         pm_dataset_load(&data, "configs/reference/gas_containers.h5") != PM_OK) {
         fail_msg("%s", pm_error());
     }

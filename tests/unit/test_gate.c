@@ -123,7 +123,7 @@ static void test_a_long_hold(void **context) {
         pm_transport *listener;
         int messages = 0, handled;
         stage_open(&t, 3, 2, quick == 1, NULL);
-        assert_int_equal(pm_transport_open(&listener, "memory://", t.hub), PM_OK);
+        assert_int_equal(pm_hub_connect(t.hub, &listener), PM_OK);
         for (size_t i = 0; i < sizeof channels / sizeof channels[0]; ++i) {
             assert_int_equal(
                 pm_transport_subscribe(listener, channels[i], count_message, &messages), PM_OK);

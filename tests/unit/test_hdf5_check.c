@@ -7,8 +7,11 @@
 // cmocka needs the above.
 #include <cmocka.h>
 #include <hdf5.h>
+#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "store/dataset.h"
 #include "store/hdf5_check.h"
@@ -160,12 +163,48 @@ static void test_other_features_are_foreign(void **context) {
     H5Pclose(latest);
 }
 
+static void end_by(const void *signal_number) {
+    const int number = *(const int *)signal_number;
+    if (number != 0) {
+        raise(number);
+        _exit(3);
+    }
+}
+
+static void reserve(const void *size) {
+    if (mmap(NULL, *(const size_t *)size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE,
+             -1, 0) == MAP_FAILED) {
+        abort();
+    }
+}
+
+// Where the check does not pass a file, a child tries it, and only the end of the child tells.
+static void test_children_tell_how_they_ended(void **context) {
+    (void)context;
+    const char *path = scratch_path(&folder, "missing.h5");
+    const int none = 0, killed = SIGKILL, ignored = SIGCHLD;
+    assert_int_equal(pm_hdf5_try(path, end_by, &none), PM_OK);
+    assert_int_equal(pm_hdf5_try(path, end_by, &killed), PM_EFILE);
+    assert_non_null(strstr(pm_error(), "the HDF5 library crashes on it (Killed)"));
+    assert_int_equal(pm_hdf5_try(path, end_by, &ignored), PM_EFILE);
+    assert_null(strstr(pm_error(), "("));
+    const size_t most = (size_t)sysconf(_SC_PHYS_PAGES) * (size_t)sysconf(_SC_PAGESIZE);
+    const size_t less = most / 8, more = 4 * most;
+    assert_int_equal(pm_hdf5_try(path, reserve, &less), PM_OK);
+#if PM_HDF5_TRY_LIMITS_MEMORY
+    assert_int_equal(pm_hdf5_try(path, reserve, &more), PM_EFILE);
+#else
+    (void)more;
+#endif
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_every_byte_may_be_damaged, setup, teardown),
         cmocka_unit_test_setup_teardown(test_every_truncation_is_seen, setup, teardown),
         cmocka_unit_test_setup_teardown(test_circles_end, setup, teardown),
         cmocka_unit_test_setup_teardown(test_other_features_are_foreign, setup, teardown),
+        cmocka_unit_test_setup_teardown(test_children_tell_how_they_ended, setup, teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

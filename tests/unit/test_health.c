@@ -9,7 +9,6 @@
 #include <string.h>
 
 #include "lockstep/health.h"
-#include "lockstep/vitals.h"
 #include "tests/support/fixture.h"
 
 enum { SESSION = 77, NODES = 3 };
@@ -94,7 +93,7 @@ static void test_the_blocker_is_found_along_the_way(void **context) {
         assert_in_range((int)(100 * h->computing[slow] + 0.5), 94, 96);
         assert_int_equal(h->waits_for[slow == 0 ? 2 : 0], 1);
         assert_true(pm_health_warn(&s.health, text, sizeof text));
-        assert_non_null(strstr(text, s.f.scene->process[slow].name));
+        assert_non_null(strstr(text, s.f.scene->network.process[slow].name));
         assert_non_null(strstr(text, "makes all others wait"));
         assert_false(pm_health_warn(&s.health, text, sizeof text));
         stage_close(&s);

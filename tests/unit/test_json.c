@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-#include "base/json.h"
+#include "base/journal.h"
 
 static void assert_quoted(const char *text, const char *expected) {
     char quoted[256];

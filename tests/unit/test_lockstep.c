@@ -11,6 +11,7 @@
 #include "lockstep/codec.h"
 #include "tests/support/allocations.h"
 #include "tests/support/cluster_fixture.h"
+#include "tests/support/together.h"
 
 static long count_allocations(void) {
     return allocations;
@@ -99,7 +100,7 @@ static void test_requests_wake_few(void **context) {
     pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     cluster c;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
     for (int i = 0; i < 3; ++i) {
         assert_int_equal(pm_transport_subscribe(stranger, channel[i], count_message, &count[i]),
                          PM_OK);
@@ -220,7 +221,7 @@ static void test_life_without_progress_ends(void **context) {
     (void)context;
     pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
     cluster c;
     cluster_open_all(&c, 2, 1, hub, 77);
     cluster_run_to(&c, 5);
@@ -270,7 +271,7 @@ static void test_other_step_is_refused(void **context) {
     cluster_open(&c, 2, 1, hub, 0);
     fixture other = {0};
     fixture_open(&other, 2, 1234);
-    other.scene->dt *= 2;
+    other.scene->physics.dt *= 2;
     cluster_add(&c, 0, other.system, 0);
     cluster_add(&c, 1, c.f.system, 0);
     cluster_run(&c);
@@ -421,7 +422,7 @@ static void test_together_and_interrupted(void **context) {
         cluster c;
         cluster_open_all(&c, 3, 1, hub, 0);
         stop = interrupted;
-        const pm_status status = pm_lockstep_run_together(c.coordinator, c.count, c.node, &stop);
+        const pm_status status = run_together(c.coordinator, c.count, c.node, &stop);
         if (interrupted) {
             assert_error(status, PM_EINTERRUPTED, "interrupted");
         } else {

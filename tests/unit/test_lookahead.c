@@ -34,11 +34,11 @@ static void test_which_scenes_may(void **context) {
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
         fixture f = {0};
         fixture_open(&f, cases[i].count, 1);
-        f.scene->window = cases[i].window;
-        f.scene->checkpoint = cases[i].checkpoint;
-        f.scene->integrator = pm_integrator_find("euler");
-        f.scene->substeps = cases[i].substeps;
-        f.scene->tolerance = cases[i].tolerance;
+        f.scene->network.window = cases[i].window;
+        f.scene->network.checkpoint = cases[i].checkpoint;
+        f.scene->physics.integrator = pm_integrator_find("euler");
+        f.scene->physics.substeps = cases[i].substeps;
+        f.scene->physics.tolerance = cases[i].tolerance;
         if (pm_lookahead(f.scene) != cases[i].lookahead ||
             pm_lookahead_uses_fluxes(f.scene) != cases[i].heard) {
             fail_msg("case %d: lookahead %d, heard %d", (int)i, pm_lookahead(f.scene),
@@ -111,7 +111,7 @@ static void test_reports_wait(void **context) {
         pm_transport *stranger;
         cluster c;
         int reports = 0;
-        assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+        assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
         assert_int_equal(
             pm_transport_subscribe(stranger, "chain_REPORT_link2", count_message, &reports), PM_OK);
         cluster_open_quick(&c, count, 1, hub, 0, NULL);
@@ -170,7 +170,7 @@ static void test_the_flux_is_asked_for(void **context) {
     pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
     cluster c;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
     assert_int_equal(pm_transport_subscribe(stranger, "chain_REQUEST_link2", note_asker, askers),
                      PM_OK);
     cluster_open_quick(&c, 4, 1, hub, 0, NULL);
@@ -202,7 +202,7 @@ static void test_forged_fluxes_grant_nothing(void **context) {
     cluster c;
     double y[3] = {1, 2, 3};
     unsigned char data[512];
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
     cluster_open_quick(&c, 3, 1, hub, 77, NULL);
     cluster_run_to(&c, 3);
     const pm_drops *drops = pm_lockstep_coordinator_drops(c.coordinator);
@@ -212,7 +212,7 @@ static void test_forged_fluxes_grant_nothing(void **context) {
         const portmet_flux_t flux = {.session = cases[i].session,
                                      .step = cases[i].step,
                                      .round = cases[i].round,
-                                     .time = pm_scene_time(c.f.scene, 0, (long)cases[i].step),
+                                     .time = pm_scene_time(c.f.scene, (long)cases[i].step),
                                      .nend = 1,
                                      .energy_flux = y,
                                      .entropy_flux = y,

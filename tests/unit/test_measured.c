@@ -13,9 +13,8 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "learn/estimate.h"
-#include "learn/fit.h"
-#include "learn/fit_measured.h"
+#include "fit/fit.h"
+#include "inference/estimate.h"
 #include "tests/support/scratch.h"
 
 #define TRACKS 16
@@ -132,7 +131,7 @@ static void constants_are_found(void **state) {
     bool found = false;
     run_fit(*state, 0, SEED, &fit, &arguments);
     assert_int_equal(pm_uncertainty_load(&u, arguments.output, fit.training->system,
-                                         &fit.measured->observation, &found),
+                                         &fit.measured.observation, &found),
                      PM_OK);
     assert_true(found);
     assert_int_equal(u.nweight, 3);
@@ -150,12 +149,11 @@ static void constants_are_found(void **state) {
     const int which[] = {TRAINING, TRAINING + 1};
     const pm_estimate_how how = {.seconds = 3, .uncertainty = &u};
     pm_estimate e;
-    const pm_observation *o = &fit.measured->observation;
-    if (pm_estimate_make(&e, fit.training->system, o, fit.measured->data, 2, which, &how) !=
-        PM_OK) {
+    const pm_observation *o = &fit.measured.observation;
+    if (pm_estimate_make(&e, fit.training->system, o, fit.measured.data, 2, which, &how) != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    const double inside = pm_estimate_coverage(&e, o, fit.measured->data, which, 3, 0, 1.645);
+    const double inside = pm_estimate_coverage(&e, o, fit.measured.data, which, 3, 0, 1.645);
     if (!(inside > 0.8 && inside < 0.97)) {
         fail_msg("%g of unseen measurements inside bands of 90 %%", inside);
     }
@@ -171,13 +169,13 @@ static double unseen_inside(pm_fit *fit, const pm_uncertainty *u) {
         which[i] = TRAINING + i;
     }
     const pm_estimate_how how = {.seconds = 3, .uncertainty = u};
-    const pm_observation *o = &fit->measured->observation;
+    const pm_observation *o = &fit->measured.observation;
     pm_estimate e;
-    if (pm_estimate_make(&e, fit->training->system, o, fit->measured->data, TRACKS - TRAINING,
-                         which, &how) != PM_OK) {
+    if (pm_estimate_make(&e, fit->training->system, o, fit->measured.data, TRACKS - TRAINING, which,
+                         &how) != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    const double inside = pm_estimate_coverage(&e, o, fit->measured->data, which, 3, 0, 1.645);
+    const double inside = pm_estimate_coverage(&e, o, fit->measured.data, which, 3, 0, 1.645);
     pm_estimate_free(&e);
     return inside;
 }
@@ -191,7 +189,7 @@ static void bands_hold_trajectories_that_differ(void **state) {
     bool found = false;
     run_fit(*state, 0.4, SEED, &fit, &arguments);
     assert_int_equal(pm_uncertainty_load(&u, arguments.output, fit.training->system,
-                                         &fit.measured->observation, &found),
+                                         &fit.measured.observation, &found),
                      PM_OK);
     // Residuals of the fit contain a part of what is wrong, and would hide the rest.
     u.noise[0] = u.independent[0];
@@ -217,7 +215,7 @@ static void errors_of_starts_are_none_of_the_model(void **state) {
         bool found = false;
         run_fit(*state, 0, seed, &fit, &arguments);
         assert_int_equal(pm_uncertainty_load(&u, arguments.output, fit.training->system,
-                                             &fit.measured->observation, &found),
+                                             &fit.measured.observation, &found),
                          PM_OK);
         if (!(u.scale >= 1 && u.scale < 4)) {
             fail_msg("seed %d: the variance that the weights cause counts %g times, expected about "

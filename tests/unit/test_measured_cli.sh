@@ -2,25 +2,7 @@
 # test_measured_cli.sh PORTMET_TRAIN PORTMETD: from tables of angles to a prediction with bands, by the commands of the
 # trainer's page; and mistakes in tables are told with their place.
 . "$(dirname "$0")/../support/setting.sh"
-train=$1 portmetd=$2
-
-# succeed TEXT ARGUMENT...: TEXT is in the output.
-succeed() {
-    text=$1
-    shift
-    timeout 300 "$train" "$@" >"$folder/out" 2>&1 </dev/null || fail "portmet-train $*: expected success"
-    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
-}
-
-# refuse CODE TEXT ARGUMENT...: the exit code, and TEXT in the message.
-refuse() {
-    code=$1 text=$2
-    shift 2
-    timeout 300 "$train" "$@" >"$folder/out" 2>&1 </dev/null
-    found=$?
-    [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
-    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
-}
+train=$1 portmetd=$2 program=$1
 
 # A damped pendulum whose angle is measured at uneven times; every ninth place is empty.
 for i in 1 2 3 4; do
@@ -229,42 +211,42 @@ grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expe
 
 # --- mistakes ---
 sed '/^noise/a stages: [{optimiser: adam, iterations: 3}]' "$folder/training.yaml" >"$folder/stages.yaml"
-refuse 3 'a fit to measurements has no stages' fit "$folder/stages.yaml" --data "$folder/swing.h5" -o "$folder/no"
-refuse 5 'which only measurements may have' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
-refuse 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 100
-refuse 4 'there is no folder' import "$folder/swing_1.csv" -o "$folder/none/swing.h5"
+expect 3 'a fit to measurements has no stages' fit "$folder/stages.yaml" --data "$folder/swing.h5" -o "$folder/no"
+expect 5 'which only measurements may have' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
+expect 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 100
+expect 4 'there is no folder' import "$folder/swing_1.csv" -o "$folder/none/swing.h5"
 sed 's/(rad)/(deg)/' "$folder/swing_2.csv" >"$folder/other.csv"
-refuse 5 'in the same units' import "$folder/swing_1.csv" "$folder/other.csv" -o "$folder/no.h5"
+expect 5 'in the same units' import "$folder/swing_1.csv" "$folder/other.csv" -o "$folder/no.h5"
 sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/degrees.yaml"
 sed 's/(rad)/(deg)/' "$folder/swing_1.csv" >"$folder/degrees.csv"
 succeed "1 trajectories" import "$folder/degrees.csv" -o "$folder/degrees.h5"
-refuse 5 'group arm.q has the unit "rad", and the dataset'"'"'s column "angle" has "deg"' evaluate "$folder/degrees.yaml" \
+expect 5 'group arm.q has the unit "rad", and the dataset'"'"'s column "angle" has "deg"' evaluate "$folder/degrees.yaml" \
     --weights "$folder/weights" --data "$folder/degrees.h5" --estimate 1
 printf 'when,a\n0,1\n1,2\n' >"$folder/bad.csv"
-refuse 5 'name it with --time, one of: when a' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'name it with --time, one of: when a' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't [m],a\n0,1\n1,2\n' >"$folder/bad.csv"
-refuse 5 '"m" is no unit of time' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 '"m" is no unit of time' import "$folder/bad.csv" -o "$folder/no.h5"
 sed 's/hidden: true/hidden: {gues: 1}/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
-refuse 3 'gues' evaluate "$folder/wrong.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1
+expect 3 'gues' evaluate "$folder/wrong.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1
 sed 's/hidden: true/columns: [entropy]/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
-refuse 5 'column "entropy" is not in the measurements' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
+expect 5 'column "entropy" is not in the measurements' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
     --data "$folder/swing.h5" --estimate 1
 sed 's/arm.q + 0.02/arm.x/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
-refuse 3 'there is no "arm.x" here' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
+expect 3 'there is no "arm.x" here' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
     --data "$folder/swing.h5" --estimate 1
-refuse 5 'has 1 samples within 0.001 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" \
+expect 5 'has 1 samples within 0.001 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" \
     --data "$folder/swing.h5" --estimate 0.001
 printf 't,a\n0,1\n1,x\n' >"$folder/bad.csv"
-refuse 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't,a\n0,1\n1,2,3\n' >"$folder/bad.csv"
-refuse 5 'bad.csv:3: expected 2 columns as in the first line, found 3' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'bad.csv:3: expected 2 columns as in the first line, found 3' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 'a,b\n0,1\n1,2\n' >"$folder/bad.csv"
-refuse 5 'there is no column "t"' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'there is no column "t"' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't,a\n0,1\n0,2\n' >"$folder/bad.csv"
-refuse 5 'expected rising times' import "$folder/bad.csv" -o "$folder/no.h5"
-refuse 4 'cannot be read' import "$folder/missing.csv" -o "$folder/no.h5"
+expect 5 'expected rising times' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 4 'cannot be read' import "$folder/missing.csv" -o "$folder/no.h5"
 [ ! -e "$folder/no.h5" ] || fail "a refused table left a file"
 sed -i 's/{angle: 0.005}/{angel: 0.005}/' "$folder/training.yaml"
-refuse 3 'the scene measures no column "angel"' fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
+expect 3 'the scene measures no column "angel"' fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
 
 finish

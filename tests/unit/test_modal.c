@@ -10,9 +10,8 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "modal/reconstruct.h"
-#include "modal/reduce.h"
-#include "modal/regression.h"
+#include "bodies/modal/reconstruct.h"
+#include "bodies/modal/reduce.h"
 #include "tests/support/scratch.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1, clamped at x = 0.

@@ -11,8 +11,8 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "modal/reconstruct.h"
-#include "modal/reduce.h"
+#include "bodies/modal/reconstruct.h"
+#include "bodies/modal/reduce.h"
 #include "tests/support/scratch.h"
 
 // The body has nodes at x = 0..5 on a line, and is clamped at x = 0.

@@ -11,8 +11,8 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "modal/local.h"
-#include "modal/regression.h"
+#include "bodies/modal/local.h"
+#include "bodies/modal/reduce.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1.
 enum { NX = 5, NNODE = NX * 9 };

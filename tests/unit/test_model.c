@@ -16,8 +16,11 @@
 #include "model/port.h"
 #include "scene/model_reader.h"
 
-static const pm_layout layout = {
-    3, (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}, 5};
+static const pm_layout layout = {3,
+                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
+                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
+                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}},
+                                 5};
 static const double state_values[] = {3, -4, 0.5, 2, -0.25};
 
 static void check(const char *what, double value, double expected, double tolerance) {
@@ -81,7 +84,7 @@ static void shared_parameters_are_one_weight(void **state) {
 static void sizes_are_bounded(void **state) {
     (void)state;
     static const char *const feature[] = {"q"}, *const acts_on[] = {"q"};
-    const pm_layout large = {1, (pm_group[]){{"q", "m", 65537, 0}}, 65537};
+    const pm_layout large = {1, (pm_group[]){{"q", "m", 65537, 0, PM_ROLE_OTHER}}, 65537};
     const pm_network_spec quadratic = {
         .nfeature = 1, .feature = feature, .skip = PM_SKIP_QUADRATIC};
     const pm_operator_spec learned = {.learned = true, .nacts = 1, .acts_on = acts_on};

@@ -12,9 +12,9 @@
 
 #include <cmocka.h>
 
-#include "learn/split.h"
+#include "data/split.h"
 #include "propose/propose.h"
-#include "propose/propose_view.h"
+#include "propose/view.h"
 #include "tests/support/proposal.h"
 
 // --- units ---
@@ -420,11 +420,11 @@ static void a_scene_of_one_has_all_groups(void **state) {
     assert_int_equal(pm_propose_scene_of_one(scene, path), PM_OK);
     assert_int_equal(pm_scene_load(&one, path), PM_OK);
     remove(path);
-    assert_int_equal(one->nsubsystem, 1);
-    assert_int_equal(one->nport, 0);
-    assert_int_equal(one->nz, scene->nz);
-    assert_string_equal(one->subsystem[0].layout.group[4].name, "second_u");
-    assert_string_equal(one->subsystem[0].column[4], "p2");
+    assert_int_equal(one->physics.nsubsystem, 1);
+    assert_int_equal(one->physics.nport, 0);
+    assert_int_equal(one->physics.nz, scene->physics.nz);
+    assert_string_equal(one->physics.subsystem[0].layout.group[4].name, "second_u");
+    assert_string_equal(one->physics.subsystem[0].column[4], "p2");
     pm_scene_free(one);
     pm_scene_free(scene);
 }

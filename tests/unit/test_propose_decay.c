@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "propose/decay.h"
+#include "propose/look.h"
 #include "tests/support/proposal.h"
 
 #define DECAY 200 // per s
@@ -58,7 +58,7 @@ static void a_decay_that_is_over_shows_in_the_rates(void **state) {
     assert_int_equal(pm_scene_parse(&scene, scene_text, "stiff.yaml"), PM_OK);
     assert_int_equal(pm_look_make(&look, scene, d), PM_OK);
     assert_true(look.fastest < 3);
-    const double decay = pm_look_decay(&look);
+    const double decay = look.decay;
     if (!(decay > 0.8 * DECAY && decay < 1.2 * DECAY)) {
         fail_msg("a decay of %g per s, expected %d", decay, DECAY);
     }

@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "propose/decay.h"
+#include "propose/look.h"
 #include "tests/support/proposal.h"
 
 // --- driven systems ---
@@ -246,7 +246,7 @@ static void a_fed_motor_shows_its_coupling_and_its_decay(void **state) {
     pm_look look;
     assert_int_equal(pm_scene_parse(&scene, MOTOR, "motor.yaml"), PM_OK);
     assert_int_equal(pm_look_make(&look, scene, d), PM_OK);
-    const double decay = pm_look_decay(&look);
+    const double decay = look.decay;
     if (!(fabs(decay - 8) < 0.4)) {
         fail_msg("a decay of %.3g per s, expected 8 within 0.4", decay);
     }

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "propose/quaternion.h"
+#include "propose/view.h"
 #include "tests/support/proposal.h"
 
 #define BODY                                                      \

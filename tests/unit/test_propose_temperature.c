@@ -78,7 +78,7 @@ static double show(const char *text, const pm_dataset *d, int entropy) {
     assert_int_equal(pm_look_make(&look, scene, d), PM_OK);
     pm_view_parts(&look, part);
     pm_look_temperatures(&look, part, temperature);
-    for (int c = 0; c < scene->nz; ++c) {
+    for (int c = 0; c < scene->physics.nz; ++c) {
         assert_true(temperature[c] >= 0 && (c == entropy || temperature[c] <= 0));
     }
     pm_look_free(&look);

@@ -25,7 +25,7 @@ static pm_scene_subsystem subsystem[2] = {
      .layout = {.ngroup = 2,
                 .nz = 3,
                 .group = (pm_group[]){{.name = "q", .unit = "m", .size = 2},
-                                      {.name = "s", .unit = "J/K", .size = 1, .first = 2}}}},
+                                      {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}}}},
     {.name = "right",
      .layout = {.ngroup = 1,
                 .nz = 1,
@@ -35,14 +35,14 @@ static pm_scene_subsystem subsystem[2] = {
 static pm_scene_port port[1] = {{.name = "joint", .subsystem = {1, 0}}};
 static const pm_integrator method = {.name = "rk4"};
 static const pm_scene scene = {.name = "trial",
-                               .integrator = &method,
-                               .dt = 0.5,
-                               .substeps = 2,
-                               .nsubsystem = 2,
-                               .subsystem = subsystem,
-                               .nport = 1,
-                               .port = port,
-                               .nz = 4};
+                               .physics.integrator = &method,
+                               .physics.dt = 0.5,
+                               .physics.substeps = 2,
+                               .physics.nsubsystem = 2,
+                               .physics.subsystem = subsystem,
+                               .physics.nport = 1,
+                               .physics.port = port,
+                               .physics.nz = 4};
 
 // Sample `step`, in which every number is different: step + 0.001 times its place below.
 static void fill(pm_sample *s, long step) {
@@ -267,9 +267,12 @@ static void components_of_large_states_are_named_by_group(void **state) {
         .layout = {.ngroup = 2,
                    .nz = 10001,
                    .group = (pm_group[]){{.name = "q", .unit = "m", .size = 10000},
-                                         {"s", "J/K", 1, 10000}}}};
-    pm_scene large = {
-        .name = "large", .integrator = &method, .nsubsystem = 1, .subsystem = &body, .nz = 10001};
+                                         {"s", "J/K", 1, 10000, PM_ROLE_ENTROPY}}}};
+    pm_scene large = {.name = "large",
+                      .physics.integrator = &method,
+                      .physics.nsubsystem = 1,
+                      .physics.subsystem = &body,
+                      .physics.nz = 10001};
     pm_recording *recording = NULL;
     assert_int_equal(pm_recording_open(&recording, path, &large), PM_OK);
     assert_int_equal(pm_recording_close(recording), PM_OK);

@@ -32,7 +32,7 @@ static pm_status join(cluster *c, const pm_system *system, int i, int64_t sessio
     pm_lockstep_node *node;
     const pm_lockstep_node_options options = {
         .z = c->f.z, .session = session, .checkpoint = checkpoint};
-    assert_int_equal(pm_transport_open(&transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_hub_connect(c->hub, &transport), PM_OK);
     assert_int_equal(pm_lockstep_node_open(&node, system, i, transport, &options), PM_OK);
     return run_stranger(c, node, transport);
 }
@@ -81,7 +81,7 @@ static pm_status join_unheard(cluster *c, int i, const char *checkpoint) {
     pm_transport *transport;
     pm_lockstep_node *node;
     const pm_lockstep_node_options options = {.z = c->f.z, .session = 77, .checkpoint = checkpoint};
-    assert_int_equal(pm_transport_open(&transport, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_hub_connect(c->hub, &transport), PM_OK);
     assert_int_equal(pm_lockstep_node_open(&node, c->f.system, i, transport, &options), PM_OK);
     for (int turn = 0; turn < 12; ++turn) {
         cluster_turn(c);
@@ -150,11 +150,11 @@ static void test_other_version(void **context) {
     (void)context;
     pm_hub *hub = cluster_hub(NULL);
     pm_transport *stranger;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
     cluster c;
     cluster_open(&c, 2, 1, hub, 0);
     cluster_add(&c, 0, c.f.system, 0);
-    const portmet_hello_t hello = {.protocol = pm_protocol() + 1,
+    const portmet_hello_t hello = {.protocol = c.coordinator->endpoint.identity.hello.protocol + 1,
                                    .instance = 5,
                                    .coordinator = cluster_instance(&c),
                                    .digest = (int64_t)c.f.system->digest,

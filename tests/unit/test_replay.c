@@ -44,7 +44,7 @@ static void recorder_open(recorder *r, pm_hub *hub) {
     static const char *const of_process[] = {"HELLO", "FLUX", "REPORT", "REQUEST"};
     char channel[2 * PM_CHANNEL_SIZE];
     *r = (recorder){.message = test_calloc(MOST, sizeof *r->message)};
-    assert_int_equal(pm_transport_open(&r->transport, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &r->transport), PM_OK);
     for (size_t i = 0; i < sizeof common / sizeof common[0]; ++i) {
         snprintf(channel, sizeof channel, "chain_%s", common[i]);
         assert_int_equal(pm_transport_subscribe(r->transport, channel, record, r), PM_OK);
@@ -66,7 +66,7 @@ static void recorder_stop(recorder *r) {
 // until it is over, several in each.
 static void replay(const recorder *r, cluster *c, const char *channel, int turns) {
     pm_transport *stranger;
-    assert_int_equal(pm_transport_open(&stranger, "memory://", c->hub), PM_OK);
+    assert_int_equal(pm_hub_connect(c->hub, &stranger), PM_OK);
     for (int i = 0, next = 0; i < turns && !cluster_is_over(c); ++i) {
         for (int k = 0; k < 20; ++k, next = (next + 1) % r->count) {
             const message *m = &r->message[next];

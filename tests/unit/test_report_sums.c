@@ -11,8 +11,11 @@
 #include <cmocka.h>
 
 #include "base/linalg.h"
-#include "lockstep/lockstep.h"
+#include "lockstep/coordinator.h"
+#include "lockstep/node.h"
 #include "sim/monolithic.h"
+#include "tests/support/memory_hub.h"
+#include "tests/support/together.h"
 
 #define NODES 1100
 #define STEPS 12
@@ -104,11 +107,11 @@ static void run_processes(run *r, const char *processes, bool want_state) {
     pm_lockstep_node *node[MOST_PROCESSES];
     pm_lockstep_coordinator *coordinator = NULL;
     open_run(r, processes);
-    const int count = r->scene->nprocess;
+    const int count = r->scene->network.nprocess;
     assert_in_range(count, 1, MOST_PROCESSES);
     require(pm_hub_open(&hub, NULL));
     for (int i = 0; i <= count; ++i) {
-        require(pm_transport_open(&transport[i], "memory://", hub));
+        require(pm_hub_connect(hub, &transport[i]));
     }
     const pm_lockstep_node_options options = {.z = r->z};
     for (int i = 0; i < count; ++i) {
@@ -117,7 +120,7 @@ static void run_processes(run *r, const char *processes, bool want_state) {
     const pm_lockstep_coordinator_options own = {.want_state = want_state,
                                                  .observer = {.context = r, .step = keep}};
     require(pm_lockstep_coordinator_open(&coordinator, r->system, transport[count], &own));
-    require(pm_lockstep_run_together(coordinator, count, node, NULL));
+    require(run_together(coordinator, count, node, NULL));
     r->ledger = *pm_lockstep_coordinator_ledger(coordinator);
     pm_lockstep_coordinator_close(coordinator);
     for (int i = 0; i <= count; ++i) {
@@ -139,7 +142,7 @@ static void check_equal(const run *a, const run *b) {
     assert_memory_equal(&a->ledger.worst_entropy, &b->ledger.worst_entropy, sizeof(double));
     assert_memory_equal(&a->ledger.worst_step, &b->ledger.worst_step, sizeof(double));
     assert_int_equal(a->ledger.worst_energy_step, b->ledger.worst_energy_step);
-    assert_string_equal(a->ledger.worst_energy_at, b->ledger.worst_energy_at);
+    assert_int_equal(a->ledger.worst_energy_place, b->ledger.worst_energy_place);
     const size_t n = PM_SCENE_LISTED * sizeof(double);
     assert_memory_equal(a->last->energy, b->last->energy, n);
     assert_memory_equal(a->last->bulk_entropy, b->last->bulk_entropy, n);

@@ -212,8 +212,8 @@ static void test_node_at_the_end(void **context) {
         pm_lockstep_node *node;
         const pm_lockstep_node_options options = {
             .session = SESSION, .checkpoint = keeps ? scratch_path(&s, "node") : NULL};
-        assert_int_equal(pm_transport_open(&transport, "memory://", hub), PM_OK);
-        assert_int_equal(pm_transport_open(&stranger, "memory://", hub), PM_OK);
+        assert_int_equal(pm_hub_connect(hub, &transport), PM_OK);
+        assert_int_equal(pm_hub_connect(hub, &stranger), PM_OK);
         assert_int_equal(pm_lockstep_node_open(&node, f.system, 0, transport, &options), PM_OK);
         pm_lockstep_node_poll(node, 1);
         const portmet_command_t end = {.session = SESSION,
@@ -224,7 +224,7 @@ static void test_node_at_the_end(void **context) {
         const size_t size = pm_command_encode(&end, data, sizeof data);
         assert_int_equal(pm_transport_publish(stranger, "chain_COMMAND", data, size), PM_OK);
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
-        assert_int_equal(pm_lockstep_node_leaving(node), keeps && answers);
+        assert_int_equal(node->phase >= PM_NODE_LEAVING, keeps && answers);
         assert_int_equal(pm_lockstep_node_result(node), PM_OK);
         pm_lockstep_node_close(node);
         pm_transport_close(stranger);
@@ -288,7 +288,7 @@ static void test_old_requests_change_nothing(void **context) {
         stage_open(&t, 3, 1, NULL);
         pm_transport *stranger;
         recorded r = {.count = 0};
-        assert_int_equal(pm_transport_open(&stranger, "memory://", t.hub), PM_OK);
+        assert_int_equal(pm_hub_connect(t.hub, &stranger), PM_OK);
         for (int i = 0; i < REQUEST_CHANNELS; ++i) {
             assert_int_equal(pm_transport_subscribe(stranger, request_channel[i], record, &r),
                              PM_OK);

@@ -54,31 +54,33 @@ static void test_settings(void **state) {
     pm_scene *scene = parsed(good);
     assert_string_equal(scene->name, "pair");
     assert_string_equal(scene->path, "dir/t.yaml");
-    assert_string_equal(scene->url, "udpm://239.255.76.67:7667?ttl=1");
-    assert_true(scene->dt == 0.3);
-    assert_int_equal(scene->steps, 200);
-    assert_string_equal(scene->integrator->name, "rk4");
-    assert_string_equal(scene->integrator_at, "dir/t.yaml:3:41");
-    assert_int_equal(scene->substeps, 8);
-    assert_string_equal(scene->reference, "dir/ref.h5");
-    assert_string_equal(scene->reference_at, "dir/t.yaml:23:19");
-    assert_int_equal(scene->reference_trajectory, 3);
-    assert_string_equal(scene->reference_trajectory_at, "dir/t.yaml:23:39");
-    assert_true(scene->energy_tolerance == 1e-11 && scene->entropy_tolerance == 0);
-    assert_true(scene->largest_drift == 0.01 && scene->largest_departure == 0.5);
-    assert_true(scene->window == 4 && scene->patience == 2.5 && scene->checkpoint == 30);
-    assert_string_equal(scene->key_file, "dir/pair.key");
-    assert_string_equal(scene->key_file_at, "dir/t.yaml:28:11");
-    assert_true(scene->outlives_recording);
+    assert_string_equal(scene->network.url, "udpm://239.255.76.67:7667?ttl=1");
+    assert_true(scene->physics.dt == 0.3);
+    assert_int_equal(scene->run.steps, 200);
+    assert_string_equal(scene->physics.integrator->name, "rk4");
+    assert_string_equal(scene->physics.integrator_at, "dir/t.yaml:3:41");
+    assert_int_equal(scene->physics.substeps, 8);
+    assert_string_equal(scene->run.reference, "dir/ref.h5");
+    assert_string_equal(scene->run.reference_at, "dir/t.yaml:23:19");
+    assert_int_equal(scene->run.reference_trajectory, 3);
+    assert_string_equal(scene->run.reference_trajectory_at, "dir/t.yaml:23:39");
+    assert_true(scene->run.energy_tolerance == 1e-11 && scene->run.entropy_tolerance == 0);
+    assert_true(scene->run.largest_drift == 0.01 && scene->run.largest_departure == 0.5);
+    assert_true(scene->network.window == 4 && scene->network.patience == 2.5 &&
+                scene->network.checkpoint == 30);
+    assert_string_equal(scene->network.key_file, "dir/pair.key");
+    assert_string_equal(scene->network.key_file_at, "dir/t.yaml:28:11");
+    assert_true(scene->run.outlives_recording);
     pm_scene_free(scene);
 }
 
 static void test_subsystems(void **state) {
     (void)state;
     pm_scene *scene = parsed(good);
-    assert_int_equal(scene->nsubsystem, 2);
-    assert_int_equal(scene->nz, 8);
-    const pm_scene_subsystem *upper = &scene->subsystem[0], *lower = &scene->subsystem[1];
+    assert_int_equal(scene->physics.nsubsystem, 2);
+    assert_int_equal(scene->physics.nz, 8);
+    const pm_scene_subsystem *upper = &scene->physics.subsystem[0],
+                             *lower = &scene->physics.subsystem[1];
     assert_string_equal(upper->name, "upper");
     assert_string_equal(upper->weights, "dir/w/upper.h5");
     assert_string_equal(lower->weights, "/abs/lower.h5");
@@ -117,7 +119,7 @@ static void ranges_stand_for_their_columns(void **state) {
                              "      y: {unit: m, columns: [y, \"y_[9:11]\", \"y[0]\"]}\n"
                              "boundary_inputs: {hand: {f: {unit: N, dE: [0.5, \"f[1:3]\"]}}}\n");
     static const char *const columns[] = {"x0", "x1", "x2", "y", "y_9", "y_10", "y[0]"};
-    const pm_scene_subsystem *a = &scene->subsystem[0];
+    const pm_scene_subsystem *a = &scene->physics.subsystem[0];
     assert_int_equal(a->layout.nz, 7);
     for (int i = 0; i < 7; ++i) {
         assert_string_equal(a->column[i], columns[i]);
@@ -126,8 +128,8 @@ static void ranges_stand_for_their_columns(void **state) {
     assert_string_equal(a->column_at[0], "dir/t.yaml:7:29");
     assert_string_equal(a->column_at[2], "dir/t.yaml:7:29");
     assert_string_equal(a->column_at[5], "dir/t.yaml:8:33");
-    const pm_scene_prescribed *dE = scene->boundary_input[0].value + 3;
-    assert_int_equal(scene->boundary_input[0].layout.nz, 3);
+    const pm_scene_prescribed *dE = scene->physics.boundary_input[0].value + 3;
+    assert_int_equal(scene->physics.boundary_input[0].layout.nz, 3);
     assert_true(dE[0].column == NULL && dE[0].number == 0.5);
     assert_string_equal(dE[1].column, "f1");
     assert_string_equal(dE[2].column, "f2");
@@ -156,8 +158,8 @@ static void ranges_do_not_exhaust_memory(void **state) {
 static void test_ports(void **state) {
     (void)state;
     pm_scene *scene = parsed(good);
-    assert_int_equal(scene->nport, 1);
-    const pm_scene_port *port = &scene->port[0];
+    assert_int_equal(scene->physics.nport, 1);
+    const pm_scene_port *port = &scene->physics.port[0];
     assert_int_equal(pm_scene_find_port(scene, "joint"), 0);
     assert_int_equal(pm_scene_find_port(scene, "upper"), -1);
     assert_string_equal(port->law, "bracket");
@@ -180,18 +182,19 @@ static void test_ports(void **state) {
 static void test_defaults(void **state) {
     (void)state;
     pm_scene *scene = parsed(minimal);
-    assert_null(scene->url);
-    assert_true(scene->substeps == 1 && scene->window == 1 && scene->patience == 10 &&
-                scene->checkpoint == 100);
-    assert_true(scene->energy_tolerance == 1e-12 && scene->entropy_tolerance == 1e-12);
-    assert_true(isinf(scene->largest_drift) && isinf(scene->largest_departure));
-    assert_true(scene->nport == 0 && scene->nz == 3 && scene->reference == NULL);
-    assert_null(scene->key_file);
-    assert_null(scene->subsystem[0].column);
+    assert_null(scene->network.url);
+    assert_true(scene->physics.substeps == 1 && scene->network.window == 1 &&
+                scene->network.patience == 10 && scene->network.checkpoint == 100);
+    assert_true(scene->run.energy_tolerance == 1e-12 && scene->run.entropy_tolerance == 1e-12);
+    assert_true(isinf(scene->run.largest_drift) && isinf(scene->run.largest_departure));
+    assert_true(scene->physics.nport == 0 && scene->physics.nz == 3 &&
+                scene->run.reference == NULL);
+    assert_null(scene->network.key_file);
+    assert_null(scene->physics.subsystem[0].column);
     pm_scene_free(scene);
     // A path without a folder leaves relative paths as they are.
     assert_int_equal(pm_scene_parse(&scene, minimal, "t.yaml"), PM_OK);
-    assert_string_equal(scene->subsystem[0].weights, "a.h5");
+    assert_string_equal(scene->physics.subsystem[0].weights, "a.h5");
     pm_scene_free(scene);
 }
 
@@ -251,7 +254,6 @@ static const yaml_case bad[] = {
      "expected \"columns\" as in the groups"},
     {"{unit: J/K, columns: [s2]}", "{unit: J/K, size: 1}", "{", "expected \"columns\" as in the"},
     {"columns: s1}", "size: 0}", "0", "size: expected a whole number >= 1"},
-    {"initial: {q: [1, -2], s: 0.5}", "substeps: 0", "0", "substeps: expected a whole number >= 1"},
     {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1], s: 0.5}", "[1]",
      "expected 2 numbers, found 1"},
     {"initial: {q: [1, -2], s: 0.5}", "initial: {q: [1, 2]}", "{", "initial: missing key \"s\""},
@@ -337,10 +339,10 @@ static const yaml_case bad_driven[] = {
 static void test_loads(void **state) {
     (void)state;
     pm_scene *scene = parsed(driven);
-    assert_int_equal(scene->nboundary_input, 2);
-    assert_int_equal(scene->nprescribed, 12);
-    const pm_scene_boundary_input *pivot = &scene->boundary_input[0],
-                                  *hand = &scene->boundary_input[1];
+    assert_int_equal(scene->physics.nboundary_input, 2);
+    assert_int_equal(scene->physics.nprescribed, 12);
+    const pm_scene_boundary_input *pivot = &scene->physics.boundary_input[0],
+                                  *hand = &scene->physics.boundary_input[1];
     assert_true(pivot->first == 0 && pivot->layout.nz == 3 && pivot->layout.ngroup == 2);
     assert_true(hand->first == 9 && hand->layout.nz == 1);
     assert_true(pivot->entropy && !hand->entropy);
@@ -354,7 +356,7 @@ static void test_loads(void **state) {
     assert_string_equal(pivot->value[3].at, "dir/t.yaml:7:28");
     assert_string_equal(pivot->value[5].column, "T");
     assert_true(hand->value[1].number == 1e3);
-    const pm_scene_port *port = &scene->port[0];
+    const pm_scene_port *port = &scene->physics.port[0];
     assert_true(port->subsystem[0] == -1 && port->boundary_input[0] == 0);
     assert_true(port->subsystem[1] == 0 && port->boundary_input[1] == -1);
     assert_string_equal(pm_scene_end_name(scene, port, 0), "pivot");
@@ -387,7 +389,7 @@ static void test_models(void **state) {
     }
     const double m[] = {1, 3};
     for (int i = 0; i < 2; ++i) {
-        const pm_scene_subsystem *subsystem = &scene->subsystem[i];
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
         const pm_constants *constants = subsystem->model->constants;
         assert_null(subsystem->weights);
         assert_string_equal(subsystem->weights_at, i == 0 ? "dir/t.yaml:7:14" : "dir/t.yaml:8:14");
@@ -395,8 +397,8 @@ static void test_models(void **state) {
         assert_string_equal(constants->name[0], "m");
         assert_true(constants->value[0] == m[i] && constants->value[1] == 2);
     }
-    assert_string_equal(scene->port[0].model->reversible.given[0].formula.text, "w");
-    assert_true(scene->port[0].model->constants->value[0] == 4);
+    assert_string_equal(scene->physics.port[0].model->reversible.given[0].formula.text, "w");
+    assert_true(scene->physics.port[0].model->constants->value[0] == 4);
     pm_scene_free(scene);
 }
 
@@ -454,7 +456,7 @@ static void test_shipped(void **state) {
             if (pm_scene_load(&scene, path) != PM_OK) {
                 fail_msg("%s", pm_error());
             }
-            const pm_scene_subsystem *first = &scene->subsystem[0];
+            const pm_scene_subsystem *first = &scene->physics.subsystem[0];
             assert_true(first->model != NULL ||
                         strncmp(first->weights, "configs/weights/", 16) == 0);
             pm_scene_free(scene);

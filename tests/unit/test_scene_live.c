@@ -28,10 +28,11 @@ static void test_places(void **state) {
     if (pm_scene_parse(&scene, good, "t.yaml") != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    assert_int_equal(scene->nlive_input, 2);
-    assert_int_equal(scene->nlive, 4);
-    assert_true(scene->pace == 2);
-    const pm_scene_live_input *force = &scene->live_input[0], *table = &scene->live_input[1];
+    assert_int_equal(scene->network.nlive_input, 2);
+    assert_int_equal(scene->network.nlive, 4);
+    assert_true(scene->run.pace == 2);
+    const pm_scene_live_input *force = &scene->network.live_input[0],
+                              *table = &scene->network.live_input[1];
     assert_true(force->own_type && force->starts && !force->waits && force->age == 0.5);
     assert_true(force->start[0] == 1 && force->start[1] == 2);
     assert_int_equal(force->least_size, 8 + 8 + 4 + 2 * 8);

@@ -30,40 +30,40 @@ static void test_processes(void **state) {
     static const int counts[] = {1, 2, 1, 1}, process[] = {0, 1, 2, 1, 3};
     pm_scene *scene = NULL;
     assert_int_equal(pm_scene_parse(&scene, text, "t.yaml"), PM_OK);
-    assert_int_equal(scene->nprocess, 4);
+    assert_int_equal(scene->network.nprocess, 4);
     for (int i = 0; i < 4; ++i) {
-        assert_string_equal(scene->process[i].name, names[i]);
-        assert_int_equal(scene->process[i].count, counts[i]);
+        assert_string_equal(scene->network.process[i].name, names[i]);
+        assert_int_equal(scene->network.process[i].count, counts[i]);
         assert_int_equal(pm_scene_find_process(scene, names[i]), i);
     }
     for (int i = 0; i < 5; ++i) {
-        assert_int_equal(scene->subsystem[i].process, process[i]);
+        assert_int_equal(scene->physics.subsystem[i].process, process[i]);
     }
-    assert_int_equal(scene->process[1].subsystem[0], 1);
-    assert_int_equal(scene->process[1].subsystem[1], 3);
+    assert_int_equal(scene->network.process[1].subsystem[0], 1);
+    assert_int_equal(scene->network.process[1].subsystem[1], 3);
     assert_int_equal(pm_scene_find_process(scene, "b"), -1);
-    assert_int_equal(pm_scene_join_processes(scene), PM_OK);
-    assert_int_equal(scene->nprocess, 1);
-    assert_int_equal(scene->process[0].count, 5);
-    assert_int_equal(scene->subsystem[4].process, 0);
+    assert_int_equal(pm_scene_merge_processes(scene), PM_OK);
+    assert_int_equal(scene->network.nprocess, 1);
+    assert_int_equal(scene->network.process[0].count, 5);
+    assert_int_equal(scene->physics.subsystem[4].process, 0);
     pm_scene_free(scene);
 }
 
 // A chain of 24 links.
-#define CHAIN                                                                    \
+#define LINKS(keys) "  " keys ": {weights: a.h5, state: {x: {unit: m, size: 3}}}\n"
+#define CHAIN CHAIN_OF(LINKS("\"link[0:24]\""))
+#define CHAIN_OF(links)                                                          \
     "scene: x\n"                                                                 \
     "time: {dt: 1, steps: 1, integrator: euler}\n"                               \
-    "subsystems:\n"                                                              \
-    "  \"link[0:24]\": {weights: a.h5, state: {x: {unit: m, size: 3}}}\n"        \
-    "ports:\n"                                                                   \
+    "subsystems:\n" links "ports:\n"                                             \
     "  \"joint[0:23]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"],\n" \
     "    weights: b.h5, expose: {\"link[i]\": x, \"link[i+1]\": x}}\n"
 
 // The number of ports between two processes.
 static int joins(const pm_scene *scene) {
     int count = 0;
-    for (int i = 0; i < scene->nport; ++i) {
-        count += pm_scene_joins_processes(scene, &scene->port[i]);
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        count += pm_port_crosses_processes(scene, &scene->physics.port[i]);
     }
     return count;
 }
@@ -79,41 +79,42 @@ static void a_chain_is_cut(void **state) {
         assert_non_null(strstr(pm_error(), "t.yaml:8:19: auto: this program was built without"));
         return;
     }
-    assert_int_equal(scene->nprocess, 4);
+    assert_int_equal(scene->network.nprocess, 4);
     assert_int_equal(joins(scene), 3);
     for (int i = 0; i < 4; ++i) {
-        assert_in_range(scene->process[i].count, 5, 7);
-        assert_memory_equal(scene->process[i].name, "auto", 4);
+        assert_in_range(scene->network.process[i].count, 5, 7);
+        assert_memory_equal(scene->network.process[i].name, "auto", 4);
     }
     assert_int_equal(pm_scene_parse(&again, CHAIN "processes: {auto: 4}\n", "t.yaml"), PM_OK);
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        assert_int_equal(again->subsystem[i].process, scene->subsystem[i].process);
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        assert_int_equal(again->physics.subsystem[i].process, scene->physics.subsystem[i].process);
     }
     pm_scene_free(again);
-    // Six links that cost as much as the other 18 get half of the processes.
-    int cost[24];
-    for (int i = 0; i < 24; ++i) {
-        cost[i] = i < 6 ? 30 : 10;
-    }
-    assert_int_equal(pm_scene_cut_by_cost(scene, cost), PM_OK);
-    assert_int_equal(scene->nprocess, 4);
+    pm_scene_free(scene);
+    // Six links that cost as much as the other 18 get half of the processes: the cost is 45 each,
+    // and 15 each of the others but the last one.
+    static const char heavy[] =
+        CHAIN_OF("  \"link[0:6]\": {weights: a.h5, state: {x: {unit: m, size: 3}, y: {unit: m, "
+                 "size: 30}}}\n" LINKS("\"link[6:24]\"")) "processes: {auto: 4}\n";
+    assert_int_equal(pm_scene_parse(&scene, heavy, "t.yaml"), PM_OK);
+    assert_int_equal(scene->network.nprocess, 4);
     assert_int_equal(joins(scene), 3);
     int links = 0;
     for (int i = 0; i < 4; ++i) {
         int sum = 0;
-        for (int k = 0; k < scene->process[i].count; ++k) {
-            sum += cost[scene->process[i].subsystem[k]];
+        for (int k = 0; k < scene->network.process[i].count; ++k) {
+            sum += scene->network.process[i].subsystem[k] < 6 ? 45 : 15;
         }
-        assert_in_range(sum, 80, 100);
-        links += scene->process[i].count;
+        assert_in_range(sum, 120, 150);
+        links += scene->network.process[i].count;
     }
     assert_int_equal(links, 24);
     pm_scene_free(scene);
     assert_int_equal(pm_scene_parse(&scene, CHAIN "processes: {auto: 1}\n", "t.yaml"), PM_OK);
-    assert_int_equal(scene->nprocess, 1);
+    assert_int_equal(scene->network.nprocess, 1);
     pm_scene_free(scene);
     assert_int_equal(pm_scene_parse(&scene, FIVE "processes: {auto: [a, b]}\n", "t.yaml"), PM_OK);
-    assert_int_equal(scene->nprocess, 4);
+    assert_int_equal(scene->network.nprocess, 4);
     pm_scene_free(scene);
 }
 
@@ -122,21 +123,21 @@ static void every_process_gets_a_link(void **state) {
     (void)state;
     static const char *const counts[] = {"3", "4", "7", "8", "12", "23", "24"};
     for (size_t i = 0; i < sizeof counts / sizeof counts[0]; ++i) {
-        char text[1024];
-        snprintf(text, sizeof text, "%sprocesses: {auto: %s}\n", CHAIN, counts[i]);
-        pm_scene *scene = NULL;
-        if (pm_scene_parse(&scene, text, "t.yaml") == PM_ECONFIG) {
-            skip(); // built without METIS
+        for (int size = 1; size < 4000; size *= 2) {
+            char text[1024];
+            snprintf(
+                text, sizeof text,
+                CHAIN_OF(LINKS("\"link[0:5]\"") "  link5: {weights: a.h5, state: {x: {unit: m, "
+                                                "size: 3}, y: {unit: m, size: %d}}}\n" LINKS(
+                                                    "\"link[6:24]\"")) "processes: {auto: %s}\n",
+                size, counts[i]);
+            pm_scene *scene = NULL;
+            if (pm_scene_parse(&scene, text, "t.yaml") == PM_ECONFIG) {
+                skip(); // built without METIS
+            }
+            assert_int_equal(scene->network.nprocess, strtol(counts[i], NULL, 10));
+            pm_scene_free(scene);
         }
-        int cost[24];
-        for (int k = 0; k < 24; ++k) {
-            cost[k] = 8;
-        }
-        for (cost[5] = 8; cost[5] < 2000; cost[5] *= 2) {
-            assert_int_equal(pm_scene_cut_by_cost(scene, cost), PM_OK);
-            assert_int_equal(scene->nprocess, strtol(counts[i], NULL, 10));
-        }
-        pm_scene_free(scene);
     }
 }
 

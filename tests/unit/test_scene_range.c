@@ -43,34 +43,34 @@ static pm_scene *parsed(const char *text) {
 static void a_range_makes_a_chain(void **state) {
     (void)state;
     pm_scene *scene = parsed(chain);
-    assert_int_equal(scene->nsubsystem, 5);
-    assert_int_equal(scene->nport, 4);
-    assert_int_equal(scene->nz, 15);
+    assert_int_equal(scene->physics.nsubsystem, 5);
+    assert_int_equal(scene->physics.nport, 4);
+    assert_int_equal(scene->physics.nz, 15);
     for (int i = 0; i < 5; ++i) {
         char name[16];
-        const pm_scene_subsystem *link = &scene->subsystem[i];
+        const pm_scene_subsystem *link = &scene->physics.subsystem[i];
         snprintf(name, sizeof name, "link%d", i);
         assert_string_equal(link->name, name);
         assert_int_equal(pm_scene_find_subsystem(scene, name), i);
         assert_int_equal(link->first, 3 * i);
         assert_int_equal(link->relative_subsystem[0], i - 1);
         assert_true(link->initial[0] == (i == 0 ? 1 : 4));
-        assert_string_equal(scene->process[link->process].name,
+        assert_string_equal(scene->network.process[link->process].name,
                             i % 2 == 1 || i == 0 ? "left" : "right");
     }
     assert_int_equal(pm_scene_find_subsystem(scene, "link5"), -1);
     assert_int_equal(pm_scene_find_port(scene, "joint3"), 3);
     for (int i = 0; i < 4; ++i) {
-        const pm_scene_port *port = &scene->port[i];
+        const pm_scene_port *port = &scene->physics.port[i];
         assert_int_equal(port->subsystem[0], i);
         assert_int_equal(port->subsystem[1], i + 1);
         assert_int_equal(port->layout[0].nz, 3);
         assert_int_equal(port->component[1][0], 2);
         // Each inner link has the end b of the port before it, then the end a of the next one.
-        assert_int_equal(scene->end_at[scene->first_end[i + 1]], 2 * i + 1);
+        assert_int_equal(scene->physics.end_at[scene->physics.first_end[i + 1]], 2 * i + 1);
     }
-    assert_int_equal(scene->first_end[5], 8);
-    assert_int_equal(scene->record_every, 10);
+    assert_int_equal(scene->physics.first_end[5], 8);
+    assert_int_equal(scene->run.record_every, 10);
     for (int i = 0; i < 5; ++i) {
         assert_true(pm_scene_records(scene, i) == (i == 0 || i >= 3));
         assert_true(i == 4 || pm_scene_records_port(scene, i) == (i != 1));
@@ -81,11 +81,11 @@ static void a_range_makes_a_chain(void **state) {
 static void two_ranges_make_a_grid(void **state) {
     (void)state;
     pm_scene *scene = parsed(grid);
-    assert_int_equal(scene->nsubsystem, 12);
-    assert_int_equal(scene->nport, 9 + 8);
-    assert_string_equal(scene->subsystem[7].name, "cell1_3");
-    assert_string_equal(scene->subsystem[7].column[1], "x1_3_1");
-    const pm_scene_port *down = &scene->port[pm_scene_find_port(scene, "down1_2")];
+    assert_int_equal(scene->physics.nsubsystem, 12);
+    assert_int_equal(scene->physics.nport, 9 + 8);
+    assert_string_equal(scene->physics.subsystem[7].name, "cell1_3");
+    assert_string_equal(scene->physics.subsystem[7].column[1], "x1_3_1");
+    const pm_scene_port *down = &scene->physics.port[pm_scene_find_port(scene, "down1_2")];
     assert_int_equal(down->subsystem[0], 6);
     assert_int_equal(down->subsystem[1], 10);
     pm_scene_free(scene);
@@ -135,14 +135,17 @@ static void many_parts_are_read(void **state) {
              "  \"joint[0:99999]\": {law: bracket, between: [\"link[i]\", \"link[i+1]\"],\n"
              "    weights: j.h5, expose: {\"link[i]\": x, \"link[i+1]\": x}}\n";
     pm_scene *scene = parsed(text);
-    assert_int_equal(scene->nsubsystem, 100000);
-    assert_int_equal(scene->nport, 99999);
-    assert_string_equal(scene->subsystem[99999].name, "link99999");
-    assert_int_equal(scene->subsystem[99999].relative_subsystem[0], 99998);
+    assert_int_equal(scene->physics.nsubsystem, 100000);
+    assert_int_equal(scene->physics.nport, 99999);
+    assert_string_equal(scene->physics.subsystem[99999].name, "link99999");
+    assert_int_equal(scene->physics.subsystem[99999].relative_subsystem[0], 99998);
     // What all members of a range have in common is stored once.
-    assert_ptr_equal(scene->subsystem[99999].layout.group, scene->subsystem[1].layout.group);
-    assert_ptr_equal(scene->port[99998].layout[1].group, scene->port[1].layout[1].group);
-    assert_ptr_not_equal(scene->subsystem[0].layout.group, scene->subsystem[1].layout.group);
+    assert_ptr_equal(scene->physics.subsystem[99999].layout.group,
+                     scene->physics.subsystem[1].layout.group);
+    assert_ptr_equal(scene->physics.port[99998].layout[1].group,
+                     scene->physics.port[1].layout[1].group);
+    assert_ptr_not_equal(scene->physics.subsystem[0].layout.group,
+                         scene->physics.subsystem[1].layout.group);
     pm_scene_free(scene);
 }
 
@@ -173,13 +176,13 @@ static void a_table_makes_a_network(void **state) {
     if (pm_scene_parse(&scene, network, scratch_path(*state, "t.yaml")) != PM_OK) {
         fail_msg("%s", pm_error());
     }
-    assert_int_equal(scene->nport, 4);
+    assert_int_equal(scene->physics.nport, 4);
     for (int i = 0; i < 6; ++i) {
-        assert_int_equal(scene->port[i / 2].subsystem[i % 2], (int)edges[i]);
+        assert_int_equal(scene->physics.port[i / 2].subsystem[i % 2], (int)edges[i]);
     }
-    assert_string_equal(scene->port[2].name, "edge3");
-    assert_string_equal(scene->port[3].name, "last");
-    assert_int_equal(scene->port[3].subsystem[1], 2);
+    assert_string_equal(scene->physics.port[2].name, "edge3");
+    assert_string_equal(scene->physics.port[3].name, "last");
+    assert_int_equal(scene->physics.port[3].subsystem[1], 2);
     pm_scene_free(scene);
 }
 

@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #include "lockstep/codec.h"
+#include "tests/support/memory_hub.h"
 #include "tests/support/scratch.h"
 #include "transport/seal.h"
 #include "transport/transport.h"
@@ -211,7 +212,7 @@ static void listen(void *context, const char *channel, const void *data, size_t 
 
 static pm_transport *join(pm_hub *hub, const pm_key *key, ear *e) {
     pm_transport *transport = NULL;
-    assert_int_equal(pm_transport_open(&transport, "memory://", hub), PM_OK);
+    assert_int_equal(pm_hub_connect(hub, &transport), PM_OK);
     if (key != NULL) {
         assert_int_equal(pm_transport_seal(transport, key, SENDER, NULL, NULL), PM_OK);
     }

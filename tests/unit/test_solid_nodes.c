@@ -1,5 +1,5 @@
-// Fields of a body as the mesh and the nodal values of a solid (trainer/body/solid_nodes.h), and
-// back; meshes in files (store/solid_mesh.h).
+// Fields of a body as the mesh and the nodal values of a solid
+// (trainer/bodies/solid/solid_nodes.h), and back; meshes in files (store/solid_mesh.h).
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "body/solid_nodes.h"
+#include "bodies/solid/solid_nodes.h"
 
 #define NODES 12 // of two bricks along x
 #define STATES 3

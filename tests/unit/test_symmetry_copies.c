@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "body/symmetry_copies.h"
+#include "bodies/solid/symmetry_copies.h"
 #include "tests/support/boxes.h"
 
 static const int square[3] = {3, 2, 2};

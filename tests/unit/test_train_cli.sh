@@ -2,30 +2,8 @@
 # test_train_cli.sh PORTMET_TRAIN MAKE_SCENE: the trainer's command lines end with the exit code of
 # their class of failure and one line that says what is wrong, and leave nothing half-written.
 . "$(dirname "$0")/../support/setting.sh"
-train=$1
+train=$1 program=$1
 make_scene=$2
-
-# expect CODE TEXT ARGUMENT...: the exit code, and TEXT in the only line on standard error.
-expect() {
-    code=$1 text=$2
-    shift 2
-    timeout 400 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null
-    found=$?
-    [ $found -eq "$code" ] || fail "portmet-train $*: expected exit code $code, found $found"
-    [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "portmet-train $*: expected one line of error"
-    grep -qF -e "$text" "$folder/err" || fail "portmet-train $*: expected \"$text\""
-    grep -q '^portmet-train: ' "$folder/err" || fail "portmet-train $*: its name is missing"
-}
-
-# succeed TEXT ARGUMENT...: TEXT on standard output, nothing on standard error.
-succeed() {
-    text=$1
-    shift
-    timeout 400 "$train" "$@" >"$folder/out" 2>"$folder/err" </dev/null ||
-        fail "portmet-train $*: expected success"
-    [ ! -s "$folder/err" ] || fail "portmet-train $*: expected no error"
-    grep -qF -e "$text" "$folder/out" || fail "portmet-train $*: expected \"$text\""
-}
 
 "$make_scene" "$folder" || { echo "FAILED: make_scene"; exit 1; }
 scene=$folder/scene.yaml
@@ -284,9 +262,10 @@ if command -v gnuplot >/dev/null; then
         [ -s "$folder/plots/$picture.png" ] || fail "no $picture.png"
     done
 fi
-printf '#!/bin/sh\nPATH=/nowhere exec "%s" "$@"\n' "$train" >"$folder/without_gnuplot"
-chmod +x "$folder/without_gnuplot"
-train=$folder/without_gnuplot
+program=$folder/without_gnuplot/portmet-train
+mkdir "$folder/without_gnuplot"
+printf '#!/bin/sh\nPATH=/nowhere exec "%s" "$@"\n' "$train" >"$program"
+chmod +x "$program"
 expect 4 "gnuplot is not installed" evaluate "$scene" --data "$data" --plot "$folder/plots"
 
 finish

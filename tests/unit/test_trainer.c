@@ -9,12 +9,12 @@
 
 #include <cmocka.h>
 
+#include "data/samples.h"
+#include "fit/defaults.h"
+#include "fit/fit.h"
+#include "fit/fold_tangent.h"
+#include "fit/normalization.h"
 #include "graph/program.h"
-#include "learn/defaults.h"
-#include "learn/fit.h"
-#include "learn/fold_tangent.h"
-#include "learn/normalization.h"
-#include "learn/samples.h"
 #include "tests/support/random_system.h"
 
 #define NTRAJECTORY 3
@@ -414,8 +414,9 @@ static void components_of_an_entropy_are_bodies_of_their_own(void **state) {
     (void)state;
     static const char *const feature[] = {"s"};
     for (int size = 1; size <= 5; size += 4) {
-        pm_group group = {.name = "s", .unit = "J/K", .size = size};
-        const pm_layout layout = {.ngroup = 1, .group = &group, .nz = size};
+        pm_group group;
+        pm_layout layout = {.group = &group};
+        pm_layout_add(&layout, "s", "J/K", size);
         const pm_network_spec term = {.nfeature = 1, .feature = feature};
         pm_part_spec spec = {.energy = {.nterm = 1, .term = &term},
                              .entropy = {.ngiven = 1, .given = feature}};

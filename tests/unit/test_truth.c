@@ -214,7 +214,7 @@ static const char good[] = HEAD "  links:\n" LINK ", temperature: {mean: 300, de
 static pm_status load(scratch *folder, const char *text, pm_truth **truth) {
     const char *path = scratch_path(folder, "truth.yaml");
     scratch_write(path, text, strlen(text));
-    return pm_truth_load(truth, path);
+    return pm_truth_load(truth, path, NULL);
 }
 
 static void trajectories_are_their_own(void **state) {
@@ -406,7 +406,8 @@ static void shipped_configurations(void **state) {
         pm_dataset *data = NULL;
         snprintf(config, sizeof config, "configs/truth/%s.yaml", names[i]);
         snprintf(reference, sizeof reference, "configs/reference/%s.h5", names[i]);
-        if (pm_truth_load(&truth, config) != PM_OK || pm_dataset_load(&data, reference) != PM_OK) {
+        if (pm_truth_load(&truth, config, NULL) != PM_OK ||
+            pm_dataset_load(&data, reference) != PM_OK) {
             fail_msg("%s", pm_error());
         }
         assert_int_equal(truth->ntrajectory, 50);

@@ -17,7 +17,9 @@
 #define NZ 3
 
 static const pm_layout layout = {
-    .ngroup = 2, .group = (pm_group[]){{"q", "m", 2, 0}, {"s", "J/K", 1, 2}}, .nz = NZ};
+    .ngroup = 2,
+    .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER}, {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}},
+    .nz = NZ};
 static const char *const own[] = {"q", "s"};
 static const char *const both[] = {"own.s", "other.q"};
 
@@ -97,7 +99,8 @@ static void port_sees_both_ends(void **state) {
 static void port_acts_at_one_end(void **state) {
     (void)state;
     static const char *const mine[] = {"own.q"};
-    const pm_layout other = {.ngroup = 1, .group = (pm_group[]){{"w", "1", 1, 0}}, .nz = 1};
+    const pm_layout other = {
+        .ngroup = 1, .group = (pm_group[]){{"w", "1", 1, 0, PM_ROLE_OTHER}}, .nz = 1};
     pm_port_model port = {
         .layout = {layout, other},
         .spec = {.law = "exchange",

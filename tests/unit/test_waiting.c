@@ -6,7 +6,7 @@
 // cmocka needs the above.
 #include <cmocka.h>
 
-#include "lockstep/waiting.h"
+#include "lockstep/endpoint.h"
 
 // Many waits of `seconds` each; the time at which the next one begins.
 static double wait_often(pm_waiting *waiting, double seconds, double now) {

@@ -20,11 +20,13 @@ static const char port_text[] = "law: bracket\n"
                                 "  learned: {acts_on: [a.s, b.s], features: [a.s, b.s], "
                                 "hidden: [3], activation: softplus}\n";
 
-static const pm_layout layout = {
-    .ngroup = 3,
-    .nz = 5,
-    .group = (pm_group[]){{"q", "m", 2, 0}, {"p", "kg m/s", 2, 2}, {"s", "J/K", 1, 4}}};
-static const pm_layout exposed = {.ngroup = 1, .nz = 1, .group = (pm_group[]){{"s", "J/K", 1, 0}}};
+static const pm_layout layout = {.ngroup = 3,
+                                 .nz = 5,
+                                 .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
+                                                       {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
+                                                       {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}}};
+static const pm_layout exposed = {
+    .ngroup = 1, .nz = 1, .group = (pm_group[]){{"s", "J/K", 1, 0, PM_ROLE_ENTROPY}}};
 
 static const pm_provenance provenance = {.command = "portmet-train fit train.yaml",
                                          .data = "data.h5 0123456789abcdef",
@@ -76,7 +78,7 @@ static int teardown(void **state) {
 
 static const char *saved(void) {
     const char *path = scratch_path(&folder, "weights.h5");
-    if (pm_weights_save_part(path, &part, &provenance) != PM_OK) {
+    if (pm_weights_save(path, pm_component_of_part(&part), &provenance) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     return path;
@@ -85,7 +87,7 @@ static const char *saved(void) {
 static void assert_load_fails(const char *path, const char *words) {
     pm_part loaded = {.layout = {.nz = -7}};
     pm_provenance p = {.seed = 3};
-    const pm_status status = pm_weights_load_part(path, &arena, &loaded, &p);
+    const pm_status status = pm_weights_load(path, &arena, pm_component_of_part(&loaded), &p);
     if (status != PM_EWEIGHTS || strstr(pm_error(), words) == NULL ||
         strstr(pm_error(), path) == NULL || strchr(pm_error(), '\n') != NULL) {
         fail_msg("status %d, expected %d; error \"%s\", expected path and \"%s\"", status,
@@ -101,7 +103,7 @@ static void a_subsystem_comes_back_bit_by_bit(void **state) {
     const char *path = saved();
     pm_part loaded = {0};
     pm_provenance p;
-    if (pm_weights_load_part(path, &arena, &loaded, &p) != PM_OK) {
+    if (pm_weights_load(path, &arena, pm_component_of_part(&loaded), &p) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     assert_true(part.params.count > 4);
@@ -132,8 +134,8 @@ static void a_training_range_comes_back(void **state) {
     assert_int_equal(pm_training_range_declare(&part), PM_OK);
     pm_training_range_widen(&part, states[0]);
     pm_training_range_widen(&part, states[1]);
-    assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_OK);
-    assert_int_equal(pm_weights_load_part(path, &arena, &loaded, &found), PM_OK);
+    assert_int_equal(pm_weights_save(path, pm_component_of_part(&part), &provenance), PM_OK);
+    assert_int_equal(pm_weights_load(path, &arena, pm_component_of_part(&loaded), &found), PM_OK);
     assert_null(pm_training_range_departure(pm_training_range_of(&loaded), states[0]).group);
     const pm_departure d = pm_training_range_departure(pm_training_range_of(&loaded), outside);
     assert_string_equal(d.group->name, "q");
@@ -146,8 +148,8 @@ static void a_port_comes_back_bit_by_bit(void **state) {
     const char *path = scratch_path(&folder, "port.h5");
     pm_port_model loaded = {0};
     pm_provenance p;
-    assert_int_equal(pm_weights_save_port(path, &port, &provenance), PM_OK);
-    if (pm_weights_load_port(path, &arena, &loaded, &p) != PM_OK) {
+    assert_int_equal(pm_weights_save(path, pm_component_of_port(&port), &provenance), PM_OK);
+    if (pm_weights_load(path, &arena, pm_component_of_port(&loaded), &p) != PM_OK) {
         fail_msg("%s", pm_error());
     }
     assert_true(pm_layout_equal(&loaded.layout[0], &exposed));
@@ -162,7 +164,7 @@ static void a_port_comes_back_bit_by_bit(void **state) {
 static uint64_t saved_digest(void) {
     pm_part loaded = {0};
     pm_provenance p;
-    assert_int_equal(pm_weights_load_part(saved(), &arena, &loaded, &p), PM_OK);
+    assert_int_equal(pm_weights_load(saved(), &arena, pm_component_of_part(&loaded), &p), PM_OK);
     pm_part_free(&loaded);
     return p.digest;
 }
@@ -406,7 +408,9 @@ static void single_precision_is_accepted_where_the_digest_is_of_it(void **state)
     }
     pm_part loaded = {0};
     pm_provenance p;
-    assert_int_equal(pm_weights_load_part(with_change(make_single), &arena, &loaded, &p), PM_OK);
+    assert_int_equal(
+        pm_weights_load(with_change(make_single), &arena, pm_component_of_part(&loaded), &p),
+        PM_OK);
     assert_same_params(&loaded.params, &part.params);
     pm_part_free(&loaded);
 }
@@ -415,9 +419,11 @@ static void what_cannot_be_loaded_is_not_saved(void **state) {
     (void)state;
     part.params.entry[1].value[0] = NAN;
     const char *path = scratch_path(&folder, "weights.h5");
-    assert_int_equal(pm_weights_save_part(path, &part, &provenance), PM_EWEIGHTS);
+    assert_int_equal(pm_weights_save(path, pm_component_of_part(&part), &provenance), PM_EWEIGHTS);
     part.params.entry[1].value[0] = 1;
-    assert_int_equal(pm_weights_save_part("/nonexistent/weights.h5", &part, &provenance), PM_EFILE);
+    assert_int_equal(
+        pm_weights_save("/nonexistent/weights.h5", pm_component_of_part(&part), &provenance),
+        PM_EFILE);
     assert_int_equal(scratch_files(&folder, 0), 0);
 }
 

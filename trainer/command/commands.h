@@ -8,20 +8,15 @@
 #include <signal.h>
 
 #include "base/status.h"
+#include "truth/truth.h"
 
-pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop);
+// `more` are the simulators beside those of the core, as pm_truth_load expects them.
+pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv,
+                           const volatile sig_atomic_t *stop);
 pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t *stop);
-pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif

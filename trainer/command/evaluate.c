@@ -15,59 +15,10 @@
 #include "evaluate/evaluate.h"
 #include "evaluate/evaluate_plot.h"
 #include "evaluate/evaluate_report.h"
-#include "evaluate/seen.h"
 #include "evaluate/thermo.h"
 
-typedef struct arguments {
-    const char *scene, *data, *weights, *trajectories, *trained, *record, *plot, *estimate, *states,
-        *data_set, *truth, *until;
-    bool json;
-} arguments;
-
-static pm_status read_arguments(arguments *a, int argc, char **argv, bool *helped) {
-    const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to score against (HDF5)"},
-        {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
-         "only these trajectories; default: those not used in training"},
-        {"--trained", NULL, "A:B", NULL, &a->trained, false,
-         "trajectories used in training, to print their errors as well"},
-        {"--weights", "-w", "DIR", NULL, &a->weights, false,
-         "take the weights files from DIR instead of where the scene says"},
-        {"--record", NULL, "FILE", NULL, &a->record, false,
-         "write the predicted trajectories as a dataset like the given one"},
-        {"--plot", NULL, "DIR", NULL, &a->plot, false,
-         "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands after "
-         "--estimate"},
-        {"--estimate", NULL, "SECONDS", NULL, &a->estimate, false,
-         "the data are measurements: estimate each start from these first seconds"},
-        {"--states", NULL, "FILE", NULL, &a->states, false,
-         "with --estimate: write the predicted states, from which portmetd can start a run"},
-        {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
-         "with --estimate: the dataset in FILE, such as z_noise; default: z"},
-        {"--truth", NULL, "FILE", NULL, &a->truth, false,
-         "with --estimate: states without noise, to print the errors of all variables"},
-        {"--until", NULL, "SECONDS", NULL, &a->until, false,
-         "without --estimate: roll out these first seconds of each trajectory alone"},
-        {"--json", NULL, NULL, &a->json, NULL, false, "print JSON instead of tables"},
-    };
-    const pm_options options = {
-        .usage = "portmet-train evaluate SCENE --data FILE [options]",
-        .summary =
-            "Rolls a scene out from the first state of each trajectory. Prints the relative L2\n"
-            "error of each group of variables per trajectory and per snapshot (whiskers of 1.5\n"
-            "interquartile ranges, quartiles, median, mean), the errors of the entropy produced,\n"
-            "of the power through each port and of the energy and entropy of each subsystem, and\n"
-            "how well energy was conserved and entropy kept from falling. The exit code is 10 if\n"
-            "a component that keeps a law by construction violates it.",
-        .positional_name = "SCENE",
-        .positional = &a->scene,
-        .count = sizeof table / sizeof *table,
-        .option = table,
-    };
-    PM_TRY(pm_options_read(&options, argc, argv, helped));
-    PM_TRY(pm_options_output("--states", a->states));
-    return pm_options_output("--record", a->record);
-}
+#define MOST_THREADS 16
+#define ROUNDING 1e-9 // relative: a time that is so close to a step belongs to it
 
 static void show_progress(void *context, int rollout) {
     pm_progress_update(context, rollout, NULL);
@@ -86,11 +37,12 @@ typedef struct job {
     const volatile sig_atomic_t *stop;
 } job;
 
-static pm_status run(pm_evaluation **evaluation, const job *j, int count) {
+// Rolls out the trajectories which [count].
+static pm_status roll_out(pm_evaluation **evaluation, const job *j, int count) {
     const long processors = sysconf(_SC_NPROCESSORS_ONLN);
     pm_progress progress;
     const pm_evaluate_how how = {
-        .threads = processors > 0 && processors < 16 ? (int)processors : 16,
+        .threads = processors > 0 && processors < MOST_THREADS ? (int)processors : MOST_THREADS,
         .stop = j->stop,
         .progress = show_progress,
         .context = &progress,
@@ -102,61 +54,7 @@ static pm_status run(pm_evaluation **evaluation, const job *j, int count) {
     return status;
 }
 
-// Returns the number of trajectories among which [count] that training used.
-static int count_seen(const job *j, int count) {
-    int n = 0;
-    for (int i = 0; i < count; ++i) {
-        n += j->seen[j->which[i]];
-    }
-    return n;
-}
-
-// Chooses the trajectories of the command line, or else those that training did not use, or all if
-// it used all. Prints the choice, except with --json.
-static pm_status choose(job *j, const arguments *a, int *count) {
-    PM_TRY(pm_options_list(a->trajectories, j->truth->ntrajectory, j->which, count));
-    const int seen = count_seen(j, *count);
-    const char *where = "the weights were trained or validated on";
-    if (a->trajectories == NULL && seen > 0 && seen < *count) {
-        *count = 0;
-        for (int i = 0; i < j->truth->ntrajectory; ++i) {
-            if (!j->seen[i]) {
-                j->which[(*count)++] = i;
-            }
-        }
-        if (!a->json) {
-            printf("%d trajectories that %s are left out; --trajectories names them\n", seen,
-                   where);
-        }
-    } else if (j->nseen >= 0 && !a->json) {
-        if (seen > 0) {
-            printf("%d of these %d trajectories are ones that %s: no test of them\n", seen, *count,
-                   where);
-        } else {
-            printf("unseen: the weights were trained on none of these %d trajectories\n", *count);
-        }
-    }
-    return PM_OK;
-}
-
-// Leaves out all states after `text` seconds.
-static pm_status shorten(pm_dataset *d, const char *text) {
-    double seconds = 0;
-    PM_TRY(pm_options_positive("--until", text, &seconds));
-    const double steps = floor(seconds / d->dt * (1 + 1e-9));
-    if (steps < 1) {
-        return pm_fail(PM_EUSAGE, "--until: expected at least one step of %g s, found %g s", d->dt,
-                       seconds);
-    }
-    if (steps < d->ntime - 1) {
-        pm_dataset_shorten(d, 1 + (int)steps);
-    }
-    return PM_OK;
-}
-
-static pm_status prepare(job *j, const arguments *a) {
-    PM_TRY(pm_scene_load(&j->scene, a->scene));
-    PM_TRY(pm_system_load(&j->system, j->scene, a->weights));
+static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
     PM_TRY(pm_dataset_load(&j->truth, a->data));
     PM_TRY(pm_system_check_dataset(j->system, j->truth, a->data));
     const size_t n = (size_t)j->truth->ntrajectory;
@@ -166,24 +64,59 @@ static pm_status prepare(job *j, const arguments *a) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
     j->nseen = pm_seen_mark(j->system, j->truth, j->seen); // by digests of whole trajectories
-    return a->until == NULL ? PM_OK : shorten(j->truth, a->until);
-}
-
-static pm_status evaluate(job *j, const arguments *a) {
+    if (a->until != NULL) {                                // leaves out all later states
+        double seconds = 0;
+        PM_TRY(pm_options_positive("--until", a->until, &seconds));
+        const double steps = floor(seconds / j->truth->dt * (1 + ROUNDING));
+        if (steps < 1) {
+            return pm_fail(PM_EUSAGE, "--until: expected at least one step of %g s, found %g s",
+                           j->truth->dt, seconds);
+        }
+        if (steps < j->truth->ntime - 1) {
+            pm_dataset_shorten(j->truth, 1 + (int)steps);
+        }
+    }
+    // The trajectories of the command line, or else those that training did not use, or all if it
+    // used all.
     int count = 0;
-    PM_TRY(choose(j, a, &count));
-    PM_TRY(run(&j->evaluation, j, count));
+    PM_TRY(pm_options_list(a->trajectories, j->truth->ntrajectory, j->which, &count));
+    const char *where = "the weights were trained or validated on";
+    int seen = 0;
+    for (int i = 0; i < count; ++i) {
+        seen += j->seen[j->which[i]];
+    }
+    if (a->trajectories == NULL && seen > 0 && seen < count) {
+        count = 0;
+        for (int i = 0; i < j->truth->ntrajectory; ++i) {
+            if (!j->seen[i]) {
+                j->which[count++] = i;
+            }
+        }
+        if (!a->json) {
+            printf("%d trajectories that %s are left out; --trajectories names them\n", seen,
+                   where);
+        }
+    } else if (j->nseen >= 0 && !a->json) {
+        if (seen > 0) {
+            printf("%d of these %d trajectories are ones that %s: no test of them\n", seen, count,
+                   where);
+        } else {
+            printf("unseen: the weights were trained on none of these %d trajectories\n", count);
+        }
+    }
+    PM_TRY(roll_out(&j->evaluation, j, count));
     PM_TRY(pm_thermo_make(&j->thermo, j->evaluation));
     if (a->trained != NULL) {
         PM_TRY(pm_options_list(a->trained, j->truth->ntrajectory, j->which, &count));
-        PM_TRY(run(&j->trained, j, count));
+        PM_TRY(roll_out(&j->trained, j, count));
     }
     return PM_OK;
 }
 
-static pm_status record(const pm_evaluation *e, const arguments *a, const char *command) {
-    pm_dataset *predicted = e->predicted;
+// Writes the predicted trajectories as a dataset.
+static pm_status record(const pm_evaluation *e, const char *path, const char *command) {
     static const char *const kept[] = {"units", "coordinates"};
+    pm_dataset *predicted = e->predicted;
     PM_TRY(pm_dataset_note(predicted, "title", "Rollouts of scene %s", e->system->scene->name));
     PM_TRY(pm_dataset_note(predicted, "source", "portmet-train evaluate"));
     PM_TRY(pm_dataset_note(predicted, "command", "%s", command));
@@ -195,71 +128,86 @@ static pm_status record(const pm_evaluation *e, const arguments *a, const char *
             PM_TRY(pm_dataset_note(predicted, kept[i], "%s", text));
         }
     }
-    return pm_dataset_save(predicted, a->record);
-}
-
-static pm_status deliver(const job *j, const arguments *a, const char *command) {
-    const pm_evaluation *e = j->evaluation;
-    if (a->json) {
-        pm_evaluation_print_json(e, j->trained, &j->thermo, j->nseen < 0 ? NULL : j->seen);
-    } else {
-        pm_evaluation_print(e, j->trained, &j->thermo);
-    }
-    if (a->record != NULL) {
-        PM_TRY(record(e, a, command));
-    }
-    if (a->plot != NULL) {
-        PM_TRY(pm_evaluation_plot(e, j->trained, a->plot));
-    }
-    const pm_rollout *violating = pm_evaluation_violation(e);
-    return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
-}
-
-// Scores measurements from estimated starts.
-static pm_status evaluate_measured(const arguments *a, const volatile sig_atomic_t *stop) {
-    pm_evaluate_estimate how = {.data = a->data,
-                                .data_set = a->data_set,
-                                .weights = a->weights,
-                                .trajectories = a->trajectories,
-                                .record = a->record,
-                                .states = a->states,
-                                .plot = a->plot,
-                                .truth = a->truth,
-                                .json = a->json};
-    pm_scene *scene = NULL;
-    pm_system *system = NULL;
-    pm_status status;
-    PM_TRY(pm_options_positive("--estimate", a->estimate, &how.seconds));
-    PM_TRY_DONE(pm_scene_load(&scene, a->scene));
-    PM_TRY_DONE(pm_system_load(&system, scene, a->weights));
-    status = pm_evaluate_from_estimate(system, &how, stop);
-done:
-    pm_system_free(system);
-    pm_scene_free(scene);
-    return status;
+    return pm_dataset_save(predicted, path);
 }
 
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    arguments a;
-    memset(&a, 0, sizeof a);
+    pm_evaluate_arguments a = {0};
     bool helped = false;
-    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    const pm_option table[] = {
+        {"--data", "-d", "FILE", NULL, &a.data, true, "dataset to score against (HDF5)"},
+        {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
+         "only these trajectories; default: those not used in training"},
+        {"--trained", NULL, "A:B", NULL, &a.trained, false,
+         "trajectories used in training, to print their errors as well"},
+        {"--weights", "-w", "DIR", NULL, &a.weights, false,
+         "take the weights files from DIR instead of where the scene says"},
+        {"--record", NULL, "FILE", NULL, &a.record, false,
+         "write the predicted trajectories as a dataset like the given one"},
+        {"--plot", NULL, "DIR", NULL, &a.plot, false,
+         "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands after "
+         "--estimate"},
+        {"--estimate", NULL, "SECONDS", NULL, &a.estimate, false,
+         "the data are measurements: estimate each start from these first seconds"},
+        {"--states", NULL, "FILE", NULL, &a.states, false,
+         "with --estimate: write the predicted states, from which portmetd can start a run"},
+        {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
+         "with --estimate: the dataset in FILE, such as z_noise; default: z"},
+        {"--truth", NULL, "FILE", NULL, &a.truth, false,
+         "with --estimate: states without noise, to print the errors of all variables"},
+        {"--until", NULL, "SECONDS", NULL, &a.until, false,
+         "without --estimate: roll out these first seconds of each trajectory alone"},
+        {"--json", NULL, NULL, &a.json, NULL, false, "print JSON instead of tables"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train evaluate SCENE --data FILE [options]",
+        .summary =
+            "Rolls a scene out from the first state of each trajectory. Prints the relative L2\n"
+            "error of each group of variables per trajectory and per snapshot (whiskers of 1.5\n"
+            "interquartile ranges, quartiles, median, mean), the errors of the entropy produced,\n"
+            "of the power through each port and of the energy and entropy of each subsystem, and\n"
+            "how well energy was conserved and entropy kept from falling. The exit code is 10 if\n"
+            "a component that keeps a law by construction violates it.",
+        .positional_name = "SCENE",
+        .positional = &a.scene,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--states", a.states));
+    PM_TRY(pm_options_output("--record", a.record));
     if (helped) {
         return PM_OK;
-    }
-    if (a.estimate != NULL) {
-        return evaluate_measured(&a, stop);
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     job j = {.stop = stop};
-    pm_status status = prepare(&j, &a);
-    if (status == PM_OK) {
-        status = evaluate(&j, &a);
+    double seconds = 0;
+    pm_status status;
+    if (a.estimate != NULL) {
+        PM_TRY(pm_options_positive("--estimate", a.estimate, &seconds));
     }
-    if (status == PM_OK) {
-        status = deliver(&j, &a, command);
+    PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
+    PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
+    if (a.estimate != NULL) {
+        status = pm_evaluate_from_estimate(j.system, &a, seconds, stop);
+        goto done;
     }
+    PM_TRY_DONE(evaluate(&j, &a));
+    if (a.json) {
+        pm_evaluation_print_json(j.evaluation, j.trained, &j.thermo, j.nseen < 0 ? NULL : j.seen);
+    } else {
+        pm_evaluation_print(j.evaluation, j.trained, &j.thermo);
+    }
+    if (a.record != NULL) {
+        PM_TRY_DONE(record(j.evaluation, a.record, command));
+    }
+    if (a.plot != NULL) {
+        PM_TRY_DONE(pm_evaluation_plot(j.evaluation, j.trained, a.plot));
+    }
+    const pm_rollout *violating = pm_evaluation_violation(j.evaluation);
+    status = violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
+done:
     pm_thermo_free(&j.thermo);
     pm_evaluation_free(j.trained);
     pm_evaluation_free(j.evaluation);

@@ -1,4 +1,5 @@
-// Scores predictions from estimated starts against measurements.
+// Scores predictions from estimated starts against measurements and, where they exist, against
+// states without noise; and draws them.
 #include "command/evaluate_estimate.h"
 
 #include <math.h>
@@ -7,116 +8,114 @@
 #include <string.h>
 
 #include "base/options.h"
-#include "command/evaluate_bands.h"
-#include "command/evaluate_truth.h"
 #include "evaluate/evaluate.h"
-#include "evaluate/seen.h"
-#include "learn/estimate.h"
+#include "evaluate/gnuplot.h"
+#include "inference/estimate.h"
 #include "store/hdf5_io.h"
 
-// A hidden component is marked if its deviation is more than this part of that of its guess.
-#define GUESSED 0.5
+#define NINETY_PER_CENT 1.6448536269514722 // deviations of a normal distribution
+#define GUESSED 0.5    // part of its guess's deviation above which a hidden component is marked
+#define EQUAL 1e-6     // part of dt by which times of measurements and truth may differ
+#define MOST_LISTED 16 // trajectories whose errors have a line each
+#define MOST_DRAWN 4   // trajectories
+#define MOST_ROWS 1500 // of a drawn trajectory; more would overlap
+#define BINS 12        // of the time, in which coverage is counted
+#define ROW_HEIGHT 190 // pixels
+#define PER_COLUMN 4   // numbers in a row: measured, predicted, half the band, measured - predicted
 
 // The objects of an evaluation, all owned by this structure.
 typedef struct prediction {
     pm_arena arena;
-    const pm_evaluate_estimate *how;
+    const pm_evaluate_arguments *how;
+    double seconds; // the first seconds, from which starts are estimated
     pm_system *system;
-    pm_dataset *data, *starts;
+    pm_dataset *data, *starts, *truth;
     pm_observation observation;
     pm_uncertainty uncertainty; // of the weights
     pm_estimate estimate;
     int count, *which;
-    double *error; // [count][ny] relative errors after the time of the estimate
-    pm_truth_errors truth;
+    double *error;       // [count][ny] relative errors after the time of the estimate
+    pm_columns columns;  // of the truth
+    double *truth_error; // [ngroup of columns][count] relative errors over all samples; or NULL
     pm_evaluation *laws;
+    double until; // s: the time of the last sample that is drawn
 } prediction;
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "evaluate: out of memory");
-}
-
-// --- choice ---
-
-static pm_status choose(prediction *j) {
-    const int n = j->data->ntrajectory;
-    bool *seen = pm_arena_array(&j->arena, (size_t)n, sizeof *seen);
-    j->which = pm_arena_array(&j->arena, (size_t)n, sizeof *j->which);
-    if (seen == NULL || j->which == NULL) {
-        return no_memory();
-    }
-    const int nseen = pm_seen_mark(j->system, j->data, seen);
-    PM_TRY(pm_options_list(j->how->trajectories, n, j->which, &j->count));
-    if (j->how->trajectories == NULL && nseen > 0 && nseen < n) {
-        j->count = 0;
-        for (int i = 0; i < n; ++i) {
-            if (!seen[i]) {
-                j->which[j->count++] = i;
-            }
-        }
-    }
-    int known = 0;
-    for (int i = 0; i < j->count; ++i) {
-        known += seen[j->which[i]];
-    }
-    if (!j->how->json && nseen >= 0) {
-        printf(known > 0 ? "%d of these %d trajectories are ones that the weights were trained or "
-                           "validated on: no test of them\n"
-                         : "unseen: the weights were trained on none of these trajectories\n",
-               known, j->count);
-    }
-    return PM_OK;
+// Time of sample k of estimate `id` since its first sample, NAN after its last one.
+static double time_of(const prediction *j, int id, int k) {
+    return pm_dataset_time(j->data, j->which[id], k) - pm_dataset_time(j->data, j->which[id], 0);
 }
 
 // Returns the length of the longest trajectory, s.
 static double longest(const prediction *j) {
     double length = 0;
     for (int i = 0; i < j->count; ++i) {
-        int last = j->data->ntime - 1;
-        while (last > 0 && isnan(pm_dataset_time(j->data, j->which[i], last))) {
-            --last;
+        for (int k = 0; k < j->data->ntime; ++k) {
+            length = fmax(length, time_of(j, i, k)); // fmax ignores NAN
         }
-        length = fmax(length, pm_dataset_time(j->data, j->which[i], last) -
-                                  pm_dataset_time(j->data, j->which[i], 0));
     }
     return length;
 }
 
 // --- scores ---
 
-static pm_status score(prediction *j) {
-    const int ny = j->estimate.ny;
-    j->error = pm_arena_array(&j->arena, (size_t)j->count * (size_t)ny, sizeof *j->error);
-    if (j->error == NULL) {
-        return no_memory();
-    }
+// Compares the states of the estimate with those at the same times in the truth, over all samples.
+// This is for tests of a method, where such states exist. PM_EDATA: the truth lacks a column, a
+// trajectory or a time of the measurements.
+static pm_status score_truth(prediction *j) {
+    const pm_estimate *e = &j->estimate;
+    PM_TRY(pm_dataset_load(&j->truth, j->how->truth));
+    PM_TRY(pm_columns_bind(&j->columns, j->system->scene, j->truth, &j->arena));
+    const pm_dataset *truth = j->truth;
+    const int ngroup = j->columns.ngroup;
+    j->truth_error =
+        pm_arena_array(&j->arena, (size_t)ngroup * (size_t)j->count, sizeof *j->truth_error);
+    pm_score_sums *sums = pm_arena_array(&j->arena, (size_t)ngroup, sizeof *sums);
+    double *row = pm_arena_array(&j->arena, (size_t)truth->ncolumn, sizeof *row);
+    PM_TRY(pm_arena_status(&j->arena, "errors against the truth"));
     for (int i = 0; i < j->count; ++i) {
-        for (int c = 0; c < ny; ++c) {
-            j->error[i * ny + c] = pm_estimate_error(&j->estimate, &j->observation, j->data,
-                                                     j->which, j->how->seconds, i, c);
+        memset(sums, 0, (size_t)ngroup * sizeof *sums);
+        for (int k = 0; k < j->data->ntime; ++k) {
+            const double t = pm_dataset_time(j->data, j->which[i], k);
+            const double at = (t - truth->t[0]) / truth->dt, nearest = floor(at + 0.5);
+            if (isnan(t)) {
+                break;
+            }
+            if (j->which[i] >= truth->ntrajectory || nearest < 0 || nearest >= truth->ntime ||
+                fabs(at - nearest) > EQUAL) {
+                return pm_fail(PM_EDATA, "%s: has no state of trajectory %d at %g s", j->how->truth,
+                               j->which[i], t);
+            }
+            pm_columns_to_row(&j->columns, e->z + ((ptrdiff_t)i * e->ntime + k) * e->nz, row);
+            for (int g = 0; g < ngroup; ++g) {
+                pm_score_add(&j->columns, g, row,
+                             pm_dataset_state(truth, j->which[i], (int)nearest), &sums[g]);
+            }
+        }
+        for (int g = 0; g < ngroup; ++g) {
+            j->truth_error[(ptrdiff_t)g * j->count + i] = pm_score_of(&sums[g]);
         }
     }
     return PM_OK;
 }
 
-// --- laws ---
-
 // Rolls the estimated starts out in the steps of the scene, which checks both laws.
 static pm_status check_laws(prediction *j) {
     const pm_scene *scene = j->system->scene;
     const pm_estimate *e = &j->estimate;
-    const int ntime = 1 + (int)(longest(j) / scene->dt * (1 + 1e-9));
+    const int ntime = 1 + (int)(longest(j) / scene->physics.dt * (1 + 1e-9));
     pm_columns columns;
-    const char **column = pm_arena_array(&j->arena, (size_t)scene->nz, sizeof *column);
-    if (column == NULL || scene->nprescribed > 0 || pm_system_without_energy(j->system) >= 0) {
-        return column == NULL ? no_memory() : PM_OK;
+    const char **column = pm_arena_array(&j->arena, (size_t)scene->physics.nz, sizeof *column);
+    PM_TRY(pm_arena_status(&j->arena, "an evaluation"));
+    if (scene->physics.nprescribed > 0 || pm_system_without_energy(j->system) >= 0) {
+        return PM_OK;
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        memcpy(column + scene->subsystem[i].first, scene->subsystem[i].column,
-               (size_t)scene->subsystem[i].layout.nz * sizeof *column);
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        memcpy(column + scene->physics.subsystem[i].first, scene->physics.subsystem[i].column,
+               (size_t)scene->physics.subsystem[i].layout.nz * sizeof *column);
     }
-    PM_TRY(
-        pm_dataset_new(&j->starts, j->count, ntime > 2 ? ntime : 2, scene->nz, scene->dt, column));
+    PM_TRY(pm_dataset_new(&j->starts, j->count, ntime > 2 ? ntime : 2, scene->physics.nz,
+                          scene->physics.dt, column));
     PM_TRY(pm_columns_bind(&columns, scene, j->starts, &j->arena));
     for (int i = 0; i < j->count; ++i) {
         for (int k = 0; k < j->starts->ntime; ++k) {
@@ -131,20 +130,23 @@ static pm_status check_laws(prediction *j) {
 // --- output ---
 
 static double coverage(const prediction *j, int column) {
-    return pm_estimate_coverage(&j->estimate, &j->observation, j->data, j->which, j->how->seconds,
-                                column, PM_NINETY_PER_CENT);
+    return pm_estimate_coverage(&j->estimate, &j->observation, j->data, j->which, j->seconds,
+                                column, NINETY_PER_CENT);
 }
 
-static void print_errors(const prediction *j) {
+// Prints the errors of all columns, and those of all states if there is a truth, and the residuals
+// of both laws.
+static void print_tables(prediction *j) {
+    const pm_estimate *e = &j->estimate;
     const int ny = j->estimate.ny;
     printf("Starts estimated in the first %g s of %d trajectories; error after that, %% of the "
            "deviation from the mean\n",
-           j->how->seconds, j->count);
+           j->seconds, j->count);
     printf("%-16s %10s %10s %10s %12s %18s\n", "column", "median", "mean", "largest", "residual",
            "inside 90 % bands");
     for (int c = 0; c < ny; ++c) {
-        const pm_box box = pm_estimate_errors(&j->estimate, &j->observation, j->data, j->which,
-                                              j->how->seconds, c);
+        const pm_box box =
+            pm_estimate_errors(&j->estimate, &j->observation, j->data, j->which, j->seconds, c);
         printf("%-16s %10.3g %10.3g %10.3g %12.3g", j->observation.name[c], 100 * box.median,
                100 * box.mean, 100 * box.largest, j->estimate.noise[c]);
         if (j->estimate.deviation != NULL) {
@@ -152,35 +154,27 @@ static void print_errors(const prediction *j) {
         }
         printf("\n");
     }
-    for (int i = 0; i < j->count && j->count <= 16; ++i) {
+    for (int i = 0; i < j->count && j->count <= MOST_LISTED; ++i) {
         printf("  trajectory %-4d", j->which[i]);
         for (int c = 0; c < ny; ++c) {
             printf(" %s %.3g", j->observation.name[c], 100 * j->error[i * ny + c]);
         }
         printf("\n");
     }
-}
-
-// The root mean square of the predicted deviation of a state component after the estimate, NAN if
-// there is none.
-static double state_deviation(const prediction *j, int component) {
-    const pm_estimate *e = &j->estimate;
-    double sum = 0;
-    long n = 0;
-    for (ptrdiff_t i = 0; i < (ptrdiff_t)e->count * e->ntime && e->state_deviation != NULL; ++i) {
-        const double deviation = e->state_deviation[i * e->nz + component];
-        if (isfinite(deviation)) {
-            sum += deviation * deviation;
-            ++n;
+    // Hidden components of which the measurements tell no more than the scene: the root mean square
+    // of the predicted deviation after the estimate is almost that of the guess.
+    for (int c = 0; c < e->nz && e->state_deviation != NULL; ++c) {
+        double sum = 0;
+        long n = 0;
+        for (ptrdiff_t i = 0; i < (ptrdiff_t)e->count * e->ntime; ++i) {
+            const double deviation = e->state_deviation[i * e->nz + c];
+            if (isfinite(deviation)) {
+                sum += deviation * deviation;
+                ++n;
+            }
         }
-    }
-    return n > 0 ? sqrt(sum / (double)n) : NAN;
-}
-
-// Marks hidden components of which the measurements tell no more than the scene.
-static void print_guesses(const prediction *j) {
-    for (int c = 0; c < j->estimate.nz; ++c) {
-        const double deviation = state_deviation(j, c), prior = j->observation.deviation[c];
+        const double deviation = n > 0 ? sqrt(sum / (double)n) : NAN;
+        const double prior = j->observation.deviation[c];
         if (j->observation.hidden[c] && deviation > GUESSED * prior) {
             printf("  %s: predictions depend on the guess in the scene, as the measurements do not "
                    "fix "
@@ -188,29 +182,44 @@ static void print_guesses(const prediction *j) {
                    j->observation.component_name[c], deviation, prior);
         }
     }
-}
-
-static void print_laws(const prediction *j) {
+    if (j->truth_error != NULL) {
+        printf("Relative L2 error of all states against the truth, %%\n%-16s %10s %10s %10s\n",
+               "group", "median", "mean", "largest");
+    }
+    for (int g = 0; g < j->columns.ngroup; ++g) {
+        const pm_box box = pm_box_of(j->count, j->truth_error + (ptrdiff_t)g * j->count);
+        printf("%-16s %10.3g %10.3g %10.3g\n", j->columns.group_name[g], 100 * box.median,
+               100 * box.mean, 100 * box.largest);
+    }
     double residual = 0, drift = 0, fall = 0;
     long violations = 0;
-    if (j->laws == NULL) {
-        return;
-    }
-    for (int i = 0; i < j->laws->count; ++i) {
+    for (int i = 0; j->laws != NULL && i < j->laws->count; ++i) {
         const pm_ledger *ledger = &j->laws->rollout[i].ledger;
         residual = fmax(residual, ledger->worst_energy);
         drift = fmax(drift, ledger->energy_drift);
         fall = fmax(fall, ledger->worst_entropy_fall);
         violations += ledger->violations;
     }
-    printf("Laws: largest energy residual %.2e, steps in violation %ld; the total energy drifts by "
-           "%.2e J at most, the total entropy falls by %.2e J/K at most\n",
-           residual, violations, drift, fall);
+    if (j->laws != NULL) {
+        printf(
+            "Laws: largest energy residual %.2e, steps in violation %ld; the total energy drifts "
+            "by %.2e J at most, the total entropy falls by %.2e J/K at most\n",
+            residual, violations, drift, fall);
+    }
+}
+
+// Prints n numbers, each `stride` after the one before, as a JSON array.
+static void print_numbers(int n, const double *value, int stride) {
+    for (int i = 0; i < n; ++i) {
+        const double x = value[(ptrdiff_t)i * stride];
+        printf(isfinite(x) ? "%s%.17g" : "%snull", i > 0 ? ", " : "[", x);
+    }
+    printf("]");
 }
 
 static void print_json(const prediction *j) {
     const int ny = j->estimate.ny;
-    printf("{\"estimate\": %.17g, \"trajectories\": [", j->how->seconds);
+    printf("{\"estimate\": %.17g, \"trajectories\": [", j->seconds);
     for (int i = 0; i < j->count; ++i) {
         printf("%s%d", i > 0 ? ", " : "", j->which[i]);
     }
@@ -221,37 +230,32 @@ static void print_json(const prediction *j) {
         if (j->estimate.deviation != NULL) {
             printf("\"inside_90\": %.17g, ", coverage(j, c));
         }
-        printf("\"error\": [");
-        for (int i = 0; i < j->count; ++i) {
-            const double error = j->error[i * ny + c];
-            printf(isfinite(error) ? "%s%.17g" : "%snull", i > 0 ? ", " : "", error);
-        }
-        printf("]}");
+        printf("\"error\": ");
+        print_numbers(j->count, j->error + c, ny);
+        printf("}");
     }
     printf("}");
-    for (int g = 0; g < j->truth.ngroup; ++g) {
-        printf("%s\"%s\": [", g == 0 ? ", \"truth\": {" : ", ", j->truth.group[g]);
-        for (int i = 0; i < j->count; ++i) {
-            const double error = j->truth.error[(ptrdiff_t)g * j->count + i];
-            printf(isfinite(error) ? "%s%.17g" : "%snull", i > 0 ? ", " : "", error);
-        }
-        printf(g + 1 < j->truth.ngroup ? "]" : "]}");
+    for (int g = 0; g < j->columns.ngroup; ++g) {
+        printf("%s\"%s\": ", g == 0 ? ", \"truth\": {" : ", ", j->columns.group_name[g]);
+        print_numbers(j->count, j->truth_error + (ptrdiff_t)g * j->count, 1);
+        printf(g + 1 < j->columns.ngroup ? "" : "}");
     }
     printf("}\n");
 }
 
-static pm_status write_content(const prediction *j, pm_hdf5 *file) {
+static pm_status write_record(const prediction *j) {
     const pm_estimate *e = &j->estimate;
     const pm_dataset *d = j->data;
     const int shape[3] = {j->count, d->ntime, d->ncolumn}, states[3] = {j->count, d->ntime, e->nz};
     const size_t rows = (size_t)j->count * (size_t)d->ntime;
     double *y = malloc(rows * (size_t)d->ncolumn * sizeof *y);
     double *t = malloc(rows * sizeof *t), *number = malloc((size_t)j->count * sizeof *number);
-    pm_status status = PM_OK;
+    pm_hdf5 *file = NULL;
+    pm_status status = pm_fail(PM_ENOMEM, "evaluate: out of memory");
     if (y == NULL || t == NULL || number == NULL) {
-        status = no_memory();
         goto done;
     }
+    PM_TRY_DONE(pm_hdf5_create(&file, j->how->record, PM_HDF5_ATOMIC));
     for (size_t i = 0; i < rows * (size_t)d->ncolumn; ++i) {
         y[i] = NAN;
     }
@@ -279,37 +283,137 @@ static pm_status write_content(const prediction *j, pm_hdf5 *file) {
         PM_TRY_DONE(pm_hdf5_write(file, "/state_deviation", 3, states, e->state_deviation));
     }
     PM_TRY_DONE(pm_hdf5_write(file, "/t", 2, shape, t));
-    status = pm_hdf5_write(file, "/trajectory", 1, shape, number);
+    PM_TRY_DONE(pm_hdf5_write(file, "/trajectory", 1, shape, number));
+    status = pm_hdf5_commit(file);
 done:
+    pm_hdf5_close(file);
     free(y);
     free(t);
     free(number);
     return status;
 }
 
-static pm_status write_record(const prediction *j) {
-    pm_hdf5 *file = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_hdf5_create(&file, j->how->record, PM_HDF5_ATOMIC));
-    PM_TRY_DONE(write_content(j, file));
-    status = pm_hdf5_commit(file);
-done:
-    pm_hdf5_close(file);
-    return status;
+// --- pictures ---
+
+static double measured(const prediction *j, int id, int k, int column) {
+    return pm_dataset_state(j->data, j->which[id], k)[j->observation.column[column]];
 }
 
-// Writes the rollouts that checked the laws.
-static pm_status write_states(const prediction *j) {
-    if (j->laws == NULL) {
-        return pm_fail(PM_EUSAGE,
-                       "--states: a scene with boundary inputs, or without energy, has no "
-                       "rollouts from estimates");
+// Half the width of the band; 0: there are no bands.
+static double half_band(const prediction *j, int id, int k, int column) {
+    const ptrdiff_t at = ((ptrdiff_t)id * j->estimate.ntime + k) * j->estimate.ny + column;
+    return j->estimate.deviation == NULL ? 0 : NINETY_PER_CENT * j->estimate.deviation[at];
+}
+
+static void write_number(FILE *file, double value) {
+    if (isfinite(value)) {
+        fprintf(file, " %.9g", value);
+    } else {
+        fputs(" nan", file);
     }
-    pm_dataset *d = j->laws->predicted;
-    PM_TRY(pm_dataset_note(d, "title", "Rollouts of scene %s from estimated starts",
-                           j->system->scene->name));
-    PM_TRY(pm_dataset_note(d, "source", "portmet-train evaluate --estimate"));
-    return pm_dataset_save(d, j->how->states);
+}
+
+// Draws trajectory `id`: on the left each measured column and its prediction, on the right
+// measurement minus prediction.
+static pm_status draw_prediction(const prediction *j, int id) {
+    FILE *file;
+    char name[64];
+    const pm_estimate *e = &j->estimate;
+    const int stride = 1 + e->ntime / MOST_ROWS;
+    snprintf(name, sizeof name, "prediction_%d.txt", j->which[id]);
+    PM_TRY(pm_plot_open(&file, j->how->plot, name));
+    for (int k = 0; k < e->ntime && time_of(j, id, k) <= j->until; k += stride) {
+        fprintf(file, "%.9g", time_of(j, id, k));
+        for (int c = 0; c < e->ny; ++c) {
+            const double y = measured(j, id, k, c);
+            const double predicted = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + c];
+            write_number(file, y);
+            write_number(file, predicted);
+            write_number(file, half_band(j, id, k, c));
+            write_number(file, y - predicted);
+        }
+        fputc('\n', file);
+    }
+    PM_TRY(pm_plot_close(file, j->how->plot));
+    snprintf(name, sizeof name, "prediction_%d", j->which[id]);
+    PM_TRY(pm_plot_open_script(&file, j->how->plot, name, 1100, 80 + ROW_HEIGHT * e->ny));
+    fprintf(
+        file,
+        "set multiplot layout %d,2 title 'Trajectory %d'\n"
+        "set key at screen 0.98, screen 0.99 right top horizontal font ',10' samplen 1.2 width -1\n"
+        "set lmargin 12\nset rmargin 2\nset xrange [0:%.9g]\n"
+        "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead dashtype 3 linecolor '#555555'\n",
+        e->ny, j->which[id], j->until, j->seconds, j->seconds);
+    for (int panel = 0; panel < 2 * e->ny; ++panel) {
+        const int c = panel / 2, first = 2 + PER_COLUMN * c, band = first + 2;
+        const bool difference = panel % 2 == 1;
+        const char *unit = j->observation.unit[c];
+        fprintf(file, "%sset xlabel '%s'\nset ylabel \"%s%s%s%s\" noenhanced\nplot ",
+                difference ? "unset key\n" : "", c + 1 == e->ny ? "time, s" : "",
+                j->observation.name[c], difference ? ": difference" : "", unit == NULL ? "" : ", ",
+                unit == NULL ? "" : unit);
+        char centre[16] = "0";
+        if (!difference) {
+            snprintf(centre, sizeof centre, "$%d", first + 1);
+        }
+        if (e->deviation != NULL) {
+            fprintf(file,
+                    "'prediction_%d.txt' using 1:(%s-$%d):(%s+$%d) with filledcurves fillcolor "
+                    "'#a6cee3' title 'band of 90 %%', ",
+                    j->which[id], centre, band, centre, band);
+        }
+        fprintf(file,
+                "'prediction_%d.txt' using 1:%d with points pointtype 7 pointsize 0.25 linecolor "
+                "'#222222' title 'measured', '' using 1:(%s) with lines linewidth 1.4 linecolor "
+                "'%s' title 'predicted'\n",
+                j->which[id], difference ? first + 3 : first, centre, pm_plot_colour(0));
+    }
+    PM_TRY(pm_plot_close(file, j->how->plot));
+    strcat(name, ".gp");
+    return pm_gnuplot_run(j->how->plot, name);
+}
+
+// Draws the share of all measurements inside the bands, against the time.
+static pm_status draw_coverage(const prediction *j) {
+    FILE *file;
+    const pm_estimate *e = &j->estimate;
+    const double width = (j->until - j->seconds) / BINS;
+    PM_TRY(pm_plot_open(&file, j->how->plot, "coverage.txt"));
+    for (int b = 0; b < BINS; ++b) {
+        const double from = j->seconds + b * width, to = from + width;
+        fprintf(file, "%.9g", from + width / 2);
+        for (int c = 0; c < e->ny; ++c) {
+            long inside = 0, all = 0;
+            for (int i = 0; i < e->count; ++i) {
+                for (int k = 0; k < e->ntime; ++k) {
+                    const double t = time_of(j, i, k), y = measured(j, i, k, c);
+                    const ptrdiff_t at = ((ptrdiff_t)i * e->ntime + k) * e->ny + c;
+                    if (t > from && t <= to && isfinite(y)) {
+                        inside += fabs(e->y[at] - y) <= half_band(j, i, k, c);
+                        ++all;
+                    }
+                }
+            }
+            write_number(file, 100 * (all > 0 ? (double)inside / (double)all : NAN));
+        }
+        fputc('\n', file);
+    }
+    PM_TRY(pm_plot_close(file, j->how->plot));
+    PM_TRY(pm_plot_open_script(&file, j->how->plot, "coverage", 800, 420));
+    fprintf(file,
+            "set xlabel 'time, s'\nset ylabel 'measurements inside bands of 90 %%, %%'\n"
+            "set xrange [0:%.9g]\nset yrange [0:100]\nset key outside right top noenhanced\n"
+            "plot 90 with lines dashtype 3 linecolor '#555555' notitle",
+            j->until);
+    for (int c = 0; c < e->ny; ++c) {
+        fprintf(
+            file,
+            ", 'coverage.txt' using 1:%d with linespoints pointtype 7 linecolor '%s' title '%s'",
+            2 + c, pm_plot_colour(c), j->observation.name[c]);
+    }
+    fputc('\n', file);
+    PM_TRY(pm_plot_close(file, j->how->plot));
+    return pm_gnuplot_run(j->how->plot, "coverage.gp");
 }
 
 // --- the whole ---
@@ -318,13 +422,37 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     const char *name = j->how->data_set == NULL ? "z" : j->how->data_set;
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
     PM_TRY(pm_observation_bind(&j->observation, j->system->scene, j->data, &j->arena));
-    PM_TRY(choose(j));
-    if (j->how->seconds >= longest(j)) {
+    // The trajectories of the command line, or else those that training did not use.
+    const int n = j->data->ntrajectory;
+    bool *seen = pm_arena_array(&j->arena, (size_t)n, sizeof *seen);
+    j->which = pm_arena_array(&j->arena, (size_t)n, sizeof *j->which);
+    PM_TRY(pm_arena_status(&j->arena, "an evaluation"));
+    const int nseen = pm_seen_mark(j->system, j->data, seen);
+    PM_TRY(pm_options_list(j->how->trajectories, n, j->which, &j->count));
+    if (j->how->trajectories == NULL && nseen > 0 && nseen < n) {
+        j->count = 0;
+        for (int i = 0; i < n; ++i) {
+            if (!seen[i]) {
+                j->which[j->count++] = i;
+            }
+        }
+    }
+    int nknown = 0;
+    for (int i = 0; i < j->count; ++i) {
+        nknown += seen[j->which[i]];
+    }
+    if (!j->how->json && nseen >= 0) {
+        printf(nknown > 0 ? "%d of these %d trajectories are ones that the weights were trained or "
+                            "validated on: no test of them\n"
+                          : "unseen: the weights were trained on none of these trajectories\n",
+               nknown, j->count);
+    }
+    if (j->seconds >= longest(j)) {
         return pm_fail(
             PM_EUSAGE,
             "--estimate: nothing is left to predict after %g s, as the longest trajectory "
             "has %g s",
-            j->how->seconds, longest(j));
+            j->seconds, longest(j));
     }
     bool found = false;
     if (j->how->weights != NULL) {
@@ -332,38 +460,53 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
                                    &found));
     }
     const pm_estimate_how how = {
-        .seconds = j->how->seconds, .uncertainty = found ? &j->uncertainty : NULL, .stop = stop};
+        .seconds = j->seconds, .uncertainty = found ? &j->uncertainty : NULL, .stop = stop};
     PM_TRY(pm_estimate_make(&j->estimate, j->system, &j->observation, j->data, j->count, j->which,
                             &how));
-    PM_TRY(score(j));
-    PM_TRY(check_laws(j));
-    if (j->how->truth != NULL) {
-        PM_TRY(pm_truth_errors_make(&j->truth, j->system->scene, &j->estimate, j->data, j->which,
-                                    j->how->truth));
+    const int ny = j->estimate.ny;
+    j->error = pm_arena_array(&j->arena, (size_t)j->count * (size_t)ny, sizeof *j->error);
+    PM_TRY(pm_arena_status(&j->arena, "an evaluation"));
+    for (int i = 0; i < j->count * ny; ++i) {
+        j->error[i] = pm_estimate_error(&j->estimate, &j->observation, j->data, j->which,
+                                        j->seconds, i / ny, i % ny);
     }
+    PM_TRY(check_laws(j));
+    PM_TRY(j->how->truth == NULL ? PM_OK : score_truth(j));
     if (j->how->json) {
         print_json(j);
     } else {
-        print_errors(j);
-        print_guesses(j);
-        PM_TRY(j->how->truth == NULL ? PM_OK : pm_truth_errors_print(&j->truth));
-        print_laws(j);
+        print_tables(j);
     }
     PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
-    PM_TRY(j->how->states == NULL ? PM_OK : write_states(j));
+    if (j->how->states != NULL && j->laws == NULL) {
+        return pm_fail(PM_EUSAGE,
+                       "--states: a scene with boundary inputs, or without energy, has no "
+                       "rollouts from estimates");
+    }
+    if (j->how->states != NULL) { // the rollouts that checked the laws
+        pm_dataset *d = j->laws->predicted;
+        PM_TRY(pm_dataset_note(d, "title", "Rollouts of scene %s from estimated starts",
+                               j->system->scene->name));
+        PM_TRY(pm_dataset_note(d, "source", "portmet-train evaluate --estimate"));
+        PM_TRY(pm_dataset_save(d, j->how->states));
+    }
     if (j->how->plot != NULL) {
-        PM_TRY(pm_evaluate_bands_draw(&j->estimate, &j->observation, j->data, j->which,
-                                      j->how->seconds, j->how->plot));
+        PM_TRY(pm_plot_folder(j->how->plot));
+        j->until = fmin(longest(j), j->estimate.until);
+        for (int i = 0; i < j->count && i < MOST_DRAWN; ++i) {
+            PM_TRY(draw_prediction(j, i));
+        }
+        PM_TRY(j->estimate.deviation == NULL ? PM_OK : draw_coverage(j));
     }
     const pm_rollout *violating = j->laws == NULL ? NULL : pm_evaluation_violation(j->laws);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);
 }
 
-pm_status pm_evaluate_from_estimate(pm_system *system, const pm_evaluate_estimate *how,
-                                    const volatile sig_atomic_t *stop) {
-    prediction j = {.how = how, .system = system};
+pm_status pm_evaluate_from_estimate(pm_system *system, const pm_evaluate_arguments *how,
+                                    double seconds, const volatile sig_atomic_t *stop) {
+    prediction j = {.how = how, .system = system, .seconds = seconds};
     const pm_status status = run(&j, stop);
-    pm_truth_errors_free(&j.truth);
+    pm_dataset_free(j.truth);
     pm_evaluation_free(j.laws);
     pm_estimate_free(&j.estimate);
     pm_uncertainty_free(&j.uncertainty);

@@ -9,47 +9,8 @@
 #include <unistd.h>
 
 #include "base/options.h"
-#include "learn/fit.h"
-#include "propose/propose_files.h"
-
-static pm_status read_arguments(int argc, char **argv, pm_fit_arguments *a, bool *helped) {
-    const pm_option option[] = {
-        {"--data", "-d", "FILE", NULL, &a->data, false, "dataset, instead of the one CONFIG names"},
-        {"--output", "-o", "DIR", NULL, &a->output, true,
-         "folder for the weights, one file per subsystem and port"},
-        {"--data-set", NULL, "NAME", NULL, &a->data_set, false,
-         "measurements: the array of FILE to read, such as z_noise; default: z"},
-        {"--trajectories", NULL, "LIST", NULL, &a->trajectories, false,
-         "use only these trajectories, such as 0:40 or 0:4,7"},
-        {"--validation", NULL, "LIST", NULL, &a->validation, false,
-         "keep these back for validation, or none; default: every fifth"},
-        {"--seed", NULL, "N", NULL, &a->seed, false,
-         "of the first weights and all batches, instead of the one in CONFIG"},
-        {"--black-box", NULL, NULL, &a->black_box, NULL, false,
-         "also train a model without structure for the same CPU time"},
-        {"--resume", NULL, NULL, &a->resume, NULL, false,
-         "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
-    };
-    const pm_options options = {
-        .usage = "portmet-train fit CONFIG|SCENE [--data FILE] -o DIR [options]",
-        .summary =
-            "Trains the models that CONFIG gives to the subsystems and ports of its scene and\n"
-            "writes their weights to DIR. From a SCENE it first proposes DIR/training.yaml (see\n"
-            "propose --help) and trains by it. The weights with the best rollouts on the\n"
-            "validation part are kept. The same command gives the same weights. DIR/fit.csv\n"
-            "records the losses and, with gnuplot, DIR/fit.png draws them. At the end a table\n"
-            "of errors and a verdict are printed. The exit code is 13 if rollouts are not finite\n"
-            "or worse than persistence, a state that stays as it is. `mpirun -n N portmet-train "
-            "fit`\n"
-            "trains with 1, 2, 4 or 8 processes, which give the same weights.",
-        .positional_name = "CONFIG",
-        .positional = &a->config,
-        .count = sizeof option / sizeof *option,
-        .option = option,
-    };
-    pm_options_line(argc, argv, a->line, (int)sizeof a->line);
-    return pm_options_read(&options, argc, argv, helped);
-}
+#include "fit/fit.h"
+#include "propose/propose.h"
 
 // If the argument is a scene, proposes its training file and continues with that. The caller frees
 // *training.
@@ -118,60 +79,86 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
     return status;
 }
 
-static pm_status fit(const pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+// Proposes a training file if there is none, trains, and reports.
+static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+    char *training = NULL;
     pm_fit f;
     pm_measure black_box = {.ncell = 0};
-    pm_status status = train(&f, a, stop, true);
-    if (!pm_team_leads(a->team)) {
-        pm_fit_close(&f);
-        return status;
-    }
-    if (status == PM_OK) {
-        pm_fit_draw_curves(&f);
-        status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
-    }
-    if (status == PM_OK) {
-        status = pm_fit_report(&f, a->black_box ? &black_box : NULL);
-    }
-    pm_measure_free(&black_box);
-    pm_fit_close(&f);
-    return status;
-}
-
-static pm_status propose_and_fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
-    char *training = NULL;
     pm_status status = propose(a, &training);
     if (status == PM_OK) {
-        status = fit(a, stop);
+        status = train(&f, a, stop, true);
+        if (status == PM_OK && pm_team_leads(a->team)) {
+            pm_fit_draw_curves(&f);
+            status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
+            if (status == PM_OK) {
+                status = pm_fit_report(&f, a->black_box ? &black_box : NULL);
+            }
+        }
+        pm_measure_free(&black_box);
+        pm_fit_close(&f);
     }
     free(training);
     return status;
 }
 
-// Trains in a team. Its first process prints, and says why a training has failed.
-static pm_status fit_in_team(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    pm_fit_arguments a = {0};
+    bool helped = false;
+    const pm_option option[] = {
+        {"--data", "-d", "FILE", NULL, &a.data, false, "dataset, instead of the one CONFIG names"},
+        {"--output", "-o", "DIR", NULL, &a.output, true,
+         "folder for the weights, one file per subsystem and port"},
+        {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
+         "measurements: the array of FILE to read, such as z_noise; default: z"},
+        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+         "use only these trajectories, such as 0:40 or 0:4,7"},
+        {"--validation", NULL, "LIST", NULL, &a.validation, false,
+         "keep these back for validation, or none; default: every fifth"},
+        {"--seed", NULL, "N", NULL, &a.seed, false,
+         "of the first weights and all batches, instead of the one in CONFIG"},
+        {"--black-box", NULL, NULL, &a.black_box, NULL, false,
+         "also train a model without structure for the same CPU time"},
+        {"--resume", NULL, NULL, &a.resume, NULL, false,
+         "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train fit CONFIG|SCENE [--data FILE] -o DIR [options]",
+        .summary =
+            "Trains the models that CONFIG gives to the subsystems and ports of its scene and\n"
+            "writes their weights to DIR. From a SCENE it first proposes DIR/training.yaml (see\n"
+            "propose --help) and trains by it. The weights with the best rollouts on the\n"
+            "validation part are kept. The same command gives the same weights. DIR/fit.csv\n"
+            "records the losses and, with gnuplot, DIR/fit.png draws them. At the end a table\n"
+            "of errors and a verdict are printed. The exit code is 13 if rollouts are not finite\n"
+            "or worse than persistence, a state that stays as it is. `mpirun -n N portmet-train "
+            "fit`\n"
+            "trains with 1, 2, 4 or 8 processes, which give the same weights.",
+        .positional_name = "CONFIG",
+        .positional = &a.config,
+        .count = sizeof option / sizeof *option,
+        .option = option,
+    };
+    pm_options_line(argc, argv, a.line, (int)sizeof a.line);
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    if (!pm_team_is_called()) {
+        return fit(&a, stop);
+    }
+    // Trains in a team. Its first process prints, and says why a training has failed.
     pm_team team = {0};
     pm_status status = pm_team_join(&team);
     if (status != PM_OK) {
     } else if (!pm_team_leads(&team) && freopen("/dev/null", "w", stdout) == NULL) {
         status = pm_fail(PM_EFILE, "/dev/null: cannot be opened");
-    } else if (a->black_box) {
+    } else if (a.black_box) {
         status = pm_fail(PM_EUSAGE, "--black-box compares CPU times: start it without mpirun");
     } else {
-        a->team = &team;
-        status = propose_and_fit(a, stop);
+        a.team = &team;
+        status = fit(&a, stop);
     }
     const bool together = pm_team_leave(&team, status != PM_OK);
     return status != PM_OK && together && !pm_team_leads(&team) ? pm_fail(status, "%s", "")
                                                                 : status;
-}
-
-pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    pm_fit_arguments a = {0};
-    bool helped = false;
-    PM_TRY(read_arguments(argc, argv, &a, &helped));
-    if (helped) {
-        return PM_OK;
-    }
-    return pm_team_is_called() ? fit_in_team(&a, stop) : propose_and_fit(&a, stop);
 }

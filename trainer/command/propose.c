@@ -4,17 +4,17 @@
 #include <string.h>
 
 #include "base/options.h"
-#include "propose/propose_files.h"
+#include "propose/propose.h"
 
-typedef struct propose_arguments {
-    const char *scene, *data, *output, *form;
-} propose_arguments;
-
-static pm_status read_arguments(propose_arguments *a, int argc, char **argv, bool *helped) {
+pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;                                                  // nothing here takes long
+    static const char *const forms[] = {"hard", "soft", "free"}; // in the order of pm_form
+    const char *scene = NULL, *data = NULL, *output = NULL, *text = forms[PM_HARD];
+    bool helped = false;
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a->data, true, "dataset to examine (HDF5)"},
-        {"--output", "-o", "FILE", NULL, &a->output, true, "training file to write (YAML)"},
-        {"--form", NULL, "FORM", NULL, &a->form, false,
+        {"--data", "-d", "FILE", NULL, &data, true, "dataset to examine (HDF5)"},
+        {"--output", "-o", "FILE", NULL, &output, true, "training file to write (YAML)"},
+        {"--form", NULL, "FORM", NULL, &text, false,
          "hard (both laws hold; the default), soft, or free (a black box)"},
     };
     const pm_options options = {
@@ -26,35 +26,19 @@ static pm_status read_arguments(propose_arguments *a, int argc, char **argv, boo
             "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
             "For the form free a scene with a single subsystem is written beside it.",
         .positional_name = "SCENE",
-        .positional = &a->scene,
+        .positional = &scene,
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, helped));
-    return pm_options_output("--output", a->output);
-}
-
-static pm_status read_form(const char *text, pm_form *form) {
-    static const char *const names[] = {"hard", "soft", "free"};
-    for (int i = 0; i < 3; ++i) {
-        if (text == NULL || strcmp(text, names[i]) == 0) {
-            *form = text == NULL ? PM_HARD : (pm_form)i;
-            return PM_OK;
-        }
-    }
-    return pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text);
-}
-
-pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    (void)stop; // nothing here takes long
-    propose_arguments a;
-    memset(&a, 0, sizeof a);
-    bool helped = false;
-    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", output));
     if (helped) {
         return PM_OK;
     }
-    pm_form form = PM_HARD;
-    PM_TRY(read_form(a.form, &form));
-    return pm_propose_files(a.scene, a.data, form, a.output);
+    for (int form = PM_HARD; form <= PM_FREE; ++form) {
+        if (strcmp(text, forms[form]) == 0) {
+            return pm_propose_files(scene, data, (pm_form)form, output);
+        }
+    }
+    return pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text);
 }

@@ -1,4 +1,4 @@
-// Tables of numbers in text files, as spreadsheets and loggers write them (CSV).
+// A table of numbers: what `portmet-train import` reads from a file.
 #ifndef PM_TRAINER_COMMAND_TABLE_H
 #define PM_TRAINER_COMMAND_TABLE_H
 
@@ -15,20 +15,13 @@ typedef struct pm_table {
     double *value;     // [nrow][ncolumn] NaN where the file has nothing
 } pm_table;
 
-// Reads a table. The first line that does not begin with # names the columns; a unit may follow in
-// brackets. A comma, semicolon or tab separates columns, whichever the first line has. The caller
-// frees. PM_EFILE: the file cannot be read; PM_EDATA, with the line: a line has another number of
-// columns, or a place among numbers holds none; PM_ENOMEM. A column of texts without any number is
-// left out, and a line of the output names it.
-pm_status pm_table_read(pm_table *table, const char *path);
-// Reads the real matrices of numbers of a MATLAB file (version 4 to 7.3) as a table, also those
-// that are fields of a struct. A vector becomes a column with the name of the variable or field; a
-// matrix x becomes the columns x_1, x_2, and so on. The table has as many samples as the longest
-// variable. Samples are the rows of a matrix, or its columns if only these are as many. What has
-// another size or kind is left out, and a line of the output names it. The caller frees. PM_EFILE
-// also if the program was built without libmatio; PM_EDATA: nothing is left, or two columns have
-// the same name; PM_ENOMEM.
+// Reads the real matrices of numbers of a MATLAB file (version 4 to 7.3) as a zeroed table, also
+// those that are fields of a struct. A vector becomes a column with the name of the variable or
+// field; a matrix x becomes the columns x_1, x_2, and so on. The table has as many samples as the
+// longest variable. Samples are the rows of a matrix, or its columns if only these are as many.
+// What has another size or kind is left out, and a line of the output names it. The caller frees
+// the arena, after a failure, too. PM_EFILE: the file cannot be read, or the program was built
+// without libmatio; PM_EDATA: nothing is left, or two columns have the same name; PM_ENOMEM.
 pm_status pm_table_read_matlab(pm_table *table, const char *path);
-void pm_table_free(pm_table *table); // zeroed storage is allowed
 
 #endif

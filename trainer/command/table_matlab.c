@@ -26,10 +26,6 @@ typedef struct reading {
     size_t rows; // samples of the table: as many as the longest variable has
 } reading;
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a table");
-}
-
 static pm_status too_many(const char *path) {
     return pm_fail(PM_EDATA, "%s: more than %d variables or columns", path, PM_MOST_TABLE_COLUMNS);
 }
@@ -118,7 +114,48 @@ static pm_status list_variable(reading *r, const char *name, matvar_t *v, int de
     return PM_OK;
 }
 
-static pm_status list_variables(reading *r, mat_t *file) {
+// --- columns ---
+
+// Adds the columns of one variable to the table, by columns in `value` [ncolumn][nrow]. Samples are
+// the rows of a matrix, or its columns if there are as many as the table has samples. A struct may
+// have a field with the name of another variable.
+static pm_status add_variable(pm_table *t, const char *name, const matvar_t *v, double **value) {
+    const size_t rows = (size_t)t->nrow, from = (size_t)t->ncolumn;
+    const bool lying = v->dims[0] != rows;
+    const size_t columns = lying ? v->dims[0] : v->dims[1];
+    if (from + columns > PM_MOST_TABLE_COLUMNS) {
+        return too_many("a MATLAB file");
+    }
+    double *longer = realloc(*value, (from + columns) * rows * sizeof *longer);
+    if (longer == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a table");
+    }
+    *value = longer;
+    for (size_t c = 0; c < columns; ++c) {
+        const char *own = columns == 1 ? pm_arena_strdup(&t->arena, name)
+                                       : pm_arena_printf(&t->arena, "%s_%d", name, (int)c + 1);
+        PM_TRY(pm_arena_status(&t->arena, "a table"));
+        for (int k = 0; k < t->ncolumn; ++k) {
+            if (strcmp(t->name[k], own) == 0) {
+                return pm_fail(PM_EDATA, "two columns are called \"%s\"", own);
+            }
+        }
+        t->name[t->ncolumn] = own;
+        t->unit[t->ncolumn++] = "";
+        for (size_t k = 0; k < rows; ++k) {
+            bool known;
+            longer[(from + c) * rows + k] =
+                element(v, lying ? k * v->dims[0] + c : c * rows + k, &known);
+        }
+    }
+    return PM_OK;
+}
+
+// Fills the table; value [ncolumn][nrow] is work space.
+static pm_status read_variables(pm_table *t, reading *r, mat_t *file, double **value) {
+    t->name = pm_arena_array(&t->arena, PM_MOST_TABLE_COLUMNS, sizeof *t->name);
+    t->unit = pm_arena_array(&t->arena, PM_MOST_TABLE_COLUMNS, sizeof *t->unit);
+    PM_TRY(pm_arena_status(&t->arena, "a table"));
     for (matvar_t *v; (v = Mat_VarReadNext(file)) != NULL;) {
         if (r->nvariable == PM_MOST_TABLE_COLUMNS) {
             Mat_VarFree(v);
@@ -131,52 +168,6 @@ static pm_status list_variables(reading *r, mat_t *file) {
         return pm_fail(PM_EDATA, "%s: expected a real matrix or vector of 2 to %d samples", r->path,
                        MOST_ROWS);
     }
-    return PM_OK;
-}
-
-// --- columns ---
-
-// Names a column; a struct may have a field with the name of another variable.
-static pm_status name_column(pm_table *t, const char *name, int part) {
-    const char *own = part == 0 ? pm_arena_strdup(&t->arena, name)
-                                : pm_arena_printf(&t->arena, "%s_%d", name, part);
-    for (int c = 0; c < t->ncolumn && own != NULL; ++c) {
-        if (strcmp(t->name[c], own) == 0) {
-            return pm_fail(PM_EDATA, "two columns are called \"%s\"", own);
-        }
-    }
-    t->name[t->ncolumn] = own;
-    t->unit[t->ncolumn++] = "";
-    return own == NULL ? no_memory() : PM_OK;
-}
-
-// Adds the columns of one variable to the table, by columns in `value` [ncolumn][nrow]. Samples are
-// the rows of a matrix, or its columns if there are as many as the table has samples.
-static pm_status add_variable(pm_table *t, const char *name, const matvar_t *v, double **value) {
-    const size_t rows = (size_t)t->nrow, from = (size_t)t->ncolumn;
-    const bool lying = v->dims[0] != rows;
-    const size_t columns = lying ? v->dims[0] : v->dims[1];
-    if (from + columns > PM_MOST_TABLE_COLUMNS) {
-        return too_many("a MATLAB file");
-    }
-    double *longer = realloc(*value, (from + columns) * rows * sizeof *longer);
-    if (longer == NULL) {
-        return no_memory();
-    }
-    *value = longer;
-    for (size_t c = 0; c < columns; ++c) {
-        PM_TRY(name_column(t, name, columns == 1 ? 0 : (int)c + 1));
-        for (size_t k = 0; k < rows; ++k) {
-            bool known;
-            longer[(from + c) * rows + k] =
-                element(v, lying ? k * v->dims[0] + c : c * rows + k, &known);
-        }
-    }
-    return PM_OK;
-}
-
-static pm_status read_variables(pm_table *t, reading *r, mat_t *file, double **value) {
-    PM_TRY(list_variables(r, file));
     t->nrow = (int)r->rows;
     for (int i = 0; i < r->nitem; ++i) {
         const matvar_t *v = r->item[i].matrix;
@@ -186,40 +177,26 @@ static pm_status read_variables(pm_table *t, reading *r, mat_t *file, double **v
             tell_left_out(r, r->item[i].name, v);
         }
     }
-    return PM_OK;
-}
-
-static pm_status transpose(pm_table *t, const double *value) {
-    const size_t rows = (size_t)t->nrow, columns = (size_t)t->ncolumn;
-    t->value = pm_arena_array(&t->arena, rows * columns, sizeof *t->value);
-    if (t->value == NULL) {
-        return no_memory();
-    }
-    for (size_t k = 0; k < rows; ++k) {
-        for (size_t c = 0; c < columns; ++c) {
-            t->value[k * columns + c] = value[c * rows + k];
-        }
+    const size_t columns = (size_t)t->ncolumn;
+    t->value = pm_arena_array(&t->arena, r->rows * columns, sizeof *t->value);
+    PM_TRY(pm_arena_status(&t->arena, "a table"));
+    for (size_t k = 0; k < r->rows * columns; ++k) {
+        t->value[k] = (*value)[k % columns * r->rows + k / columns];
     }
     return PM_OK;
 }
 
 pm_status pm_table_read_matlab(pm_table *table, const char *path) {
-    *table = (pm_table){0};
     mat_t *file = Mat_Open(path, MAT_ACC_RDONLY);
     if (file == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be read as a MATLAB file", path);
     }
     double *value = NULL;
     reading *r = calloc(1, sizeof *r);
-    table->name = pm_arena_array(&table->arena, PM_MOST_TABLE_COLUMNS, sizeof *table->name);
-    table->unit = pm_arena_array(&table->arena, PM_MOST_TABLE_COLUMNS, sizeof *table->unit);
-    pm_status status = no_memory();
-    if (r != NULL && table->name != NULL && table->unit != NULL) {
+    pm_status status = pm_fail(PM_ENOMEM, "out of memory for a table");
+    if (r != NULL) {
         r->path = path;
         status = read_variables(table, r, file, &value);
-    }
-    if (status == PM_OK) {
-        status = transpose(table, value);
     }
     for (int i = 0; r != NULL && i < r->nvariable; ++i) {
         Mat_VarFree(r->variable[i]);
@@ -227,9 +204,6 @@ pm_status pm_table_read_matlab(pm_table *table, const char *path) {
     free(r);
     free(value);
     Mat_Close(file);
-    if (status != PM_OK) {
-        pm_table_free(table);
-    }
     return status;
 }
 

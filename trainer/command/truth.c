@@ -1,7 +1,5 @@
 // portmet-train truth: simulates the trajectories that a configuration describes, and writes them.
 #include "command/commands.h"
-#include "command/truth_body.h"
-#include "command/truth_noise.h"
 
 #include <limits.h>
 #include <math.h>
@@ -11,6 +9,7 @@
 
 #include "base/options.h"
 #include "base/progress.h"
+#include "base/rng.h"
 #include "store/dataset.h"
 #include "truth/truth.h"
 
@@ -21,16 +20,150 @@ typedef struct truth_arguments {
     const char *config, *output, *trajectories, *noise, *missing, *seed;
 } truth_arguments;
 
-static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool *helped) {
+// Fills the dataset. Prints how well energy is conserved, how entropy grows, and how far the
+// trajectories are converged, which it also notes; names those beyond the tolerance.
+static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
+                          const volatile sig_atomic_t *stop) {
+    const pm_truth_model *model = &truth->model;
+    const size_t nz = (size_t)model->ode.nz, ncolumn = (size_t)dataset->ncolumn;
+    const int count = dataset->ntrajectory;
+    double *difference = calloc((size_t)count, sizeof *difference);
+    double *z = calloc((size_t)truth->ntime * nz, sizeof *z);
+    double *check = calloc((size_t)truth->ntime * nz, sizeof *check);
+    const char *text = "";
+    double worst = 0;
+    int beyond = 0;
+    pm_truth_report report;
+    pm_progress progress;
+    pm_status status = PM_OK;
+    if (difference == NULL || z == NULL || check == NULL) {
+        status = pm_fail(PM_ENOMEM, "truth: out of memory");
+        goto done;
+    }
+    pm_truth_report_init(&report);
+    pm_progress_init(&progress, "truth", count);
+    for (int i = 0; i < dataset->ntrajectory && status == PM_OK; ++i) {
+        status = *stop ? pm_fail(PM_EINTERRUPTED, "truth: interrupted, nothing written")
+                       : pm_truth_run(truth, first + i, z, check);
+        if (status == PM_OK) {
+            pm_truth_report_add(&report, truth, z);
+            difference[i] = pm_truth_difference(truth, z, check);
+            for (int j = 0; j < truth->ntime; ++j) { // those components that are columns
+                memcpy(pm_dataset_state(dataset, i, j), z + (size_t)j * nz, ncolumn * sizeof *z);
+            }
+            pm_progress_update(&progress, i + 1, NULL);
+        }
+    }
+    pm_progress_finish(&progress);
+    PM_TRY_DONE(status);
+    for (int k = 0; k < model->nconserved; ++k) {
+        printf("%-17s drifts by %.1e of its largest value %.4g\n", model->conserved[k],
+               report.magnitude[k] > 0 ? report.drift[k] / report.magnitude[k] : 0,
+               report.magnitude[k]);
+    }
+    if (model->entropy != NULL) {
+        printf("entropy           rises by %.4g J/K in the mean, smallest step %.1e J/K\n",
+               report.entropy_rise, report.entropy_step);
+    }
+    for (int i = 0; i < count; ++i) {
+        worst = fmax(worst, difference[i]);
+        beyond += difference[i] > CONVERGED;
+    }
+    printf("convergence       %d of %d trajectories to %.0e, all to %.1e\n", count - beyond, count,
+           CONVERGED, worst);
+    for (int i = 0; i < count; ++i) {
+        if (difference[i] > CONVERGED) {
+            printf("                  trajectory %d amplifies errors: converged to %.1e\n",
+                   first + i, difference[i]);
+        }
+    }
+    for (int i = 0; i < dataset->ntrajectory && text != NULL; ++i) {
+        text = pm_arena_printf(&dataset->arena, "%s%s%.1e", text, i > 0 ? " " : "", difference[i]);
+    }
+    PM_TRY_DONE(pm_arena_status(&dataset->arena, "a note"));
+    status = pm_dataset_note(dataset, "convergence", "%s", text);
+done:
+    free(difference);
+    free(z);
+    free(check);
+    return status;
+}
+
+// --- synthetic measurements ---
+
+// Adds normally distributed noise to every column. Its standard deviation is `noise` times that of
+// the column over all trajectories. The result depends on the seed and on the number of each
+// trajectory, which is `first` for the first one.
+static pm_status add_noise(pm_dataset *d, int first, double noise, int64_t seed) {
+    const size_t n = (size_t)d->ntrajectory * (size_t)d->ntime, ncolumn = (size_t)d->ncolumn;
+    double *deviation = pm_arena_array(&d->arena, ncolumn, sizeof *deviation);
+    PM_TRY(pm_arena_status(&d->arena, "noise"));
+    for (size_t c = 0; c < ncolumn; ++c) {
+        double mean = 0, square = 0;
+        for (size_t i = 0; i < n; ++i) {
+            mean += d->z[i * ncolumn + c] / (double)n;
+        }
+        for (size_t i = 0; i < n; ++i) {
+            const double x = d->z[i * ncolumn + c] - mean;
+            square += x * x / (double)n;
+        }
+        deviation[c] = sqrt(square);
+    }
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        pm_rng rng;
+        pm_rng_init(&rng, (uint64_t)seed, 2 * (uint64_t)(first + i));
+        for (int j = 0; j < d->ntime; ++j) {
+            double *state = pm_dataset_state(d, i, j);
+            for (size_t c = 0; c < ncolumn; ++c) {
+                state[c] += noise * deviation[c] * pm_rng_normal(&rng);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// Leaves out the fraction `missing` of all states at random, so that the remaining times are
+// uneven. The first two that are left of a trajectory stay in any case.
+static pm_status leave_out(pm_dataset *d, int first, double missing, int64_t seed) {
+    const size_t n = (size_t)d->ntrajectory * (size_t)d->ntime;
+    d->measured = true;
+    d->times = pm_arena_array(&d->arena, n, sizeof *d->times);
+    PM_TRY(pm_arena_status(&d->arena, "times"));
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        pm_rng rng;
+        pm_rng_init(&rng, (uint64_t)seed, 2 * (uint64_t)(first + i) + 1);
+        double *t = d->times + (size_t)i * (size_t)d->ntime;
+        int kept = 0;
+        for (int j = 0; j < d->ntime; ++j) {
+            if (pm_rng_uniform(&rng) >= missing || kept + d->ntime - j <= 2) {
+                t[kept] = d->t[j];
+                memmove(pm_dataset_state(d, i, kept++), pm_dataset_state(d, i, j),
+                        (size_t)d->ncolumn * sizeof(double));
+            }
+        }
+        for (int j = kept; j < d->ntime; ++j) {
+            t[j] = NAN;
+            for (int c = 0; c < d->ncolumn; ++c) {
+                pm_dataset_state(d, i, j)[c] = NAN;
+            }
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv,
+                           const volatile sig_atomic_t *stop) {
+    truth_arguments a = {.output = NULL};
+    bool helped = false;
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &a->output, true, "dataset to write (HDF5)"},
-        {"--trajectories", NULL, "A:B", NULL, &a->trajectories, false,
+        {"--output", "-o", "FILE", NULL, &a.output, true, "dataset to write (HDF5)"},
+        {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
          "only the trajectories from A up to, but not including, B"},
-        {"--noise", NULL, "X", NULL, &a->noise, false,
+        {"--noise", NULL, "X", NULL, &a.noise, false,
          "add normal noise, X times the standard deviation of each column"},
-        {"--missing", NULL, "X", NULL, &a->missing, false,
+        {"--missing", NULL, "X", NULL, &a.missing, false,
          "leave out the fraction X of the states at random, so that times are uneven"},
-        {"--seed", NULL, "N", NULL, &a->seed, false,
+        {"--seed", NULL, "N", NULL, &a.seed, false,
          "seed of the noise and of the missing states; default: 1"},
     };
     const pm_options options = {
@@ -44,135 +177,12 @@ static pm_status read_arguments(truth_arguments *a, int argc, char **argv, bool 
             "printed. Each body is written to a file of its own, with its name before the ending\n"
             "of FILE, and an XDMF file beside it, which ParaView opens.",
         .positional_name = "CONFIG",
-        .positional = &a->config,
+        .positional = &a.config,
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, helped));
-    return pm_options_output("--output", a->output);
-}
-
-// Prints how well energy is conserved and how entropy grows.
-static void print_report(const pm_truth *truth, const pm_truth_report *report) {
-    const pm_truth_model *model = &truth->model;
-    for (int k = 0; k < model->nconserved; ++k) {
-        printf("%-17s drifts by %.1e of its largest value %.4g\n", model->conserved[k],
-               report->magnitude[k] > 0 ? report->drift[k] / report->magnitude[k] : 0,
-               report->magnitude[k]);
-    }
-    if (model->entropy != NULL) {
-        printf("entropy           rises by %.4g J/K in the mean, smallest step %.1e J/K\n",
-               report->entropy_rise, report->entropy_step);
-    }
-}
-
-// Prints how far the trajectories are converged, and lists those beyond the tolerance by name.
-static void print_convergence(int first, int count, const double *difference) {
-    double worst = 0;
-    int beyond = 0;
-    for (int i = 0; i < count; ++i) {
-        worst = fmax(worst, difference[i]);
-        beyond += difference[i] > CONVERGED;
-    }
-    printf("convergence       %d of %d trajectories to %.0e, all to %.1e\n", count - beyond, count,
-           CONVERGED, worst);
-    for (int i = 0; i < count; ++i) {
-        if (difference[i] > CONVERGED) {
-            printf("                  trajectory %d amplifies errors: converged to %.1e\n",
-                   first + i, difference[i]);
-        }
-    }
-}
-
-static pm_status note_convergence(pm_dataset *dataset, const double *difference) {
-    const char *text = "";
-    for (int i = 0; i < dataset->ntrajectory && text != NULL; ++i) {
-        text = pm_arena_printf(&dataset->arena, "%s%s%.1e", text, i > 0 ? " " : "", difference[i]);
-    }
-    return text == NULL ? pm_fail(PM_ENOMEM, "truth: out of memory")
-                        : pm_dataset_note(dataset, "convergence", "%s", text);
-}
-
-// Copies those components of the states z [ntime][nz] that are columns.
-static void keep_columns(const pm_truth *truth, const double *z, pm_dataset *dataset,
-                         int trajectory) {
-    const size_t nz = (size_t)truth->model.ode.nz, ncolumn = (size_t)dataset->ncolumn;
-    for (int j = 0; j < truth->ntime; ++j) {
-        memcpy(pm_dataset_state(dataset, trajectory, j), z + (size_t)j * nz, ncolumn * sizeof *z);
-    }
-}
-
-// Fills the dataset and `difference` [ntrajectory]; `z` and `check` [ntime][nz] are work space.
-static pm_status run_all(const pm_truth *truth, int first, pm_dataset *dataset, double *difference,
-                         double *z, double *check, const volatile sig_atomic_t *stop) {
-    pm_truth_report report;
-    pm_progress progress;
-    pm_status status = PM_OK;
-    pm_truth_report_init(&report);
-    pm_progress_init(&progress, "truth", dataset->ntrajectory);
-    for (int i = 0; i < dataset->ntrajectory && status == PM_OK; ++i) {
-        status = *stop ? pm_fail(PM_EINTERRUPTED, "truth: interrupted, nothing written")
-                       : pm_truth_run(truth, first + i, z, check);
-        if (status == PM_OK) {
-            pm_truth_report_add(&report, truth, z);
-            difference[i] = pm_truth_difference(truth, z, check);
-            keep_columns(truth, z, dataset, i);
-            pm_progress_update(&progress, i + 1, NULL);
-        }
-    }
-    pm_progress_finish(&progress);
-    if (status == PM_OK) {
-        print_report(truth, &report);
-        print_convergence(first, dataset->ntrajectory, difference);
-    }
-    return status;
-}
-
-static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
-                          const volatile sig_atomic_t *stop) {
-    const size_t nstate = (size_t)truth->ntime * (size_t)truth->model.ode.nz;
-    double *difference = calloc((size_t)dataset->ntrajectory, sizeof *difference);
-    double *z = calloc(nstate, sizeof *z), *check = calloc(nstate, sizeof *check);
-    pm_status status = PM_OK;
-    if (difference == NULL || z == NULL || check == NULL) {
-        status = pm_fail(PM_ENOMEM, "truth: out of memory");
-        goto done;
-    }
-    PM_TRY_DONE(run_all(truth, first, dataset, difference, z, check, stop));
-    PM_TRY_DONE(note_convergence(dataset, difference));
-done:
-    free(difference);
-    free(z);
-    free(check);
-    return status;
-}
-
-// Adds the noise of the command line and leaves out states.
-static pm_status measure(const truth_arguments *a, pm_dataset *dataset, int first) {
-    double noise = 0, missing = 0;
-    int64_t seed = 1;
-    PM_TRY(a->noise == NULL ? PM_OK : pm_options_positive("--noise", a->noise, &noise));
-    PM_TRY(a->missing == NULL ? PM_OK : pm_options_positive("--missing", a->missing, &missing));
-    PM_TRY(a->seed == NULL ? PM_OK : pm_options_count("--seed", a->seed, INT_MAX, &seed));
-    return noise > 0 || missing > 0 ? pm_truth_add_noise(dataset, first, noise, missing, (int)seed)
-                                    : PM_OK;
-}
-
-static pm_status add_notes(pm_dataset *dataset, const pm_truth *truth, int first,
-                           const char *command) {
-    PM_TRY(pm_dataset_note(dataset, "title", "%s", truth->model.title));
-    PM_TRY(pm_dataset_note(dataset, "source", "portmet-train truth"));
-    PM_TRY(pm_dataset_note(dataset, "command", "%s", command));
-    PM_TRY(pm_dataset_note(dataset, "seed", "%llu", (unsigned long long)truth->seed));
-    PM_TRY(pm_dataset_note(dataset, "parameters", "%s", truth->model.parameters));
-    PM_TRY(pm_dataset_note(dataset, "units", "%s", truth->model.units));
-    return pm_dataset_note(dataset, "first_trajectory", "%d", first);
-}
-
-pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    truth_arguments a = {.output = NULL};
-    bool helped = false;
-    PM_TRY(read_arguments(&a, argc, argv, &helped));
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", a.output));
     if (helped) {
         return PM_OK;
     }
@@ -182,17 +192,39 @@ pm_status pm_command_truth(int argc, char **argv, const volatile sig_atomic_t *s
     pm_dataset *dataset = NULL;
     pm_status status = PM_OK;
     int first = 0, end = 0;
-    PM_TRY_DONE(pm_truth_load(&truth, a.config));
+    double noise = 0, missing = 0;
+    int64_t seed = 1;
+    PM_TRY_DONE(pm_truth_load(&truth, a.config, more));
     PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
-    if (truth->model.body != NULL) {
-        status = pm_truth_body_write(truth, first, end - first, command, a.output, stop);
+    if (truth->simulator->write != NULL) {
+        status = truth->simulator->write(truth, first, end - first, command, a.output, stop);
         goto done;
     }
     PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ncolumn, truth->dt,
                                truth->model.column));
-    PM_TRY_DONE(add_notes(dataset, truth, first, command));
+    PM_TRY_DONE(pm_dataset_note(dataset, "title", "%s", truth->model.title));
+    PM_TRY_DONE(pm_dataset_note(dataset, "source", "portmet-train truth"));
+    PM_TRY_DONE(pm_dataset_note(dataset, "command", "%s", command));
+    PM_TRY_DONE(pm_dataset_note(dataset, "seed", "%llu", (unsigned long long)truth->seed));
+    PM_TRY_DONE(pm_dataset_note(dataset, "parameters", "%s", truth->model.parameters));
+    PM_TRY_DONE(pm_dataset_note(dataset, "units", "%s", truth->model.units));
+    PM_TRY_DONE(pm_dataset_note(dataset, "first_trajectory", "%d", first));
     PM_TRY_DONE(simulate(truth, first, dataset, stop));
-    PM_TRY_DONE(measure(&a, dataset, first));
+    if (a.noise != NULL) {
+        PM_TRY_DONE(pm_options_positive("--noise", a.noise, &noise));
+    }
+    if (a.missing != NULL) {
+        PM_TRY_DONE(pm_options_positive("--missing", a.missing, &missing));
+    }
+    if (a.seed != NULL) {
+        PM_TRY_DONE(pm_options_count("--seed", a.seed, INT_MAX, &seed));
+    }
+    if (noise > 0 || missing > 0) {
+        PM_TRY_DONE(add_noise(dataset, first, noise, seed));
+    }
+    if (missing > 0) {
+        PM_TRY_DONE(leave_out(dataset, first, missing, seed));
+    }
     PM_TRY_DONE(pm_dataset_save(dataset, a.output));
     printf("wrote %s: %d trajectories of %d states, %g s apart\n", a.output, end - first,
            truth->ntime, truth->dt);

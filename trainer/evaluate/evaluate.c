@@ -9,24 +9,132 @@
 #include <string.h>
 
 #include "base/progress.h"
-#include "evaluate/inner_variables.h"
+#include "base/unit.h"
+#include "graph/program.h"
+#include "model/solid/solid.h"
 #include "sim/monolithic.h"
 
 // Relative. The scene has dt as decimal text, the dataset as a double.
 #define DT_TOLERANCE 1e-9
-// The step of the central difference dE/ds, relative to the larger of s and SMALL_ENTROPY. Rounding
-// and curvature then both cause relative errors of about 1e-8.
-#define TEMPERATURE_STEP 1e-5
-#define SMALL_ENTROPY 1e-3 // J/K
-#define TEMPERATURES 10    // the approximate number of states of a trajectory with temperatures
-#define MOST_ENTROPIES 16  // the most components of a group with temperatures
+#define TEMPERATURES 10   // the approximate number of states of a trajectory with temperatures
+#define MOST_ENTROPIES 16 // a field with more components than this has no temperatures
+#define MOST_THREADS 64
+
+// --- the models of a thread ---
+
+// The stored energy of a solid (model/solid/solid.h) depends on its inner variables: a body that
+// was bent some time ago stores less than one that was bent just now. Where the dataset does not
+// have them, they follow from the displacements of all states before, by the learned relaxation of
+// the material.
+typedef struct inner_body {
+    int u, inner; // first components in the concatenated state
+    pm_solid_material material;
+    pm_solid *solid;
+} inner_body;
+
+// A thread and its objects.
+typedef struct worker {
+    const pm_evaluation *e;
+    pm_arena arena;
+    pm_monolithic *assembly;
+    pm_boundary_input boundary_input;
+    int nbody;
+    inner_body *body; // [nbody] solids whose inner variables the dataset does not have
+    // [nsubsystem] the graph of dE of the subsystems that own a model with an entropy, and its
+    // input; else NULL
+    pm_program **coenergy;
+    double **z_in;
+    double **dE; // [nsubsystem] its output, or the constant dE of a solid
+    double *z;   // [nz] work space
+} worker;
+
+static bool has_temperature(const pm_group *group) {
+    return group->role == PM_ROLE_ENTROPY && group->size <= MOST_ENTROPIES;
+}
+
+// Opens a body for each solid whose inner variables are no columns, and the graph of dE for each
+// model that has an entropy. A solid has no graph.
+static pm_status open_models(worker *w) {
+    const pm_system *system = w->e->system;
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        const pm_part *part = system->part[i];
+        const int first = system->scene->physics.subsystem[i].first;
+        if (pm_part_kind_of(part) == PM_PART_SOLID) {
+            const pm_group *group = pm_layout_find(&part->layout, "inner");
+            if (group != NULL && w->e->columns.column[first + group->first] < 0) {
+                inner_body *b = &w->body[w->nbody++];
+                b->u = first + pm_layout_find(&part->layout, "u")->first;
+                b->inner = first + group->first;
+                pm_solid_material_read(part->spec.solid, &part->params, &b->material);
+                PM_TRY(pm_solid_open(&b->solid, system->mesh[i], &b->material));
+            }
+            w->dE[i] = pm_arena_array(&w->arena, (size_t)part->layout.nz, sizeof(double));
+            PM_TRY(pm_arena_status(&w->arena, "an evaluation"));
+            for (int c = 0; c < part->layout.nz; ++c) { // only those of entropies are asked for
+                w->dE[i][c] = part->spec.solid->temperature;
+            }
+            continue;
+        }
+        bool wanted = false;
+        for (int k = 0; k < part->layout.ngroup; ++k) {
+            wanted = wanted || has_temperature(&part->layout.group[k]);
+        }
+        if (!wanted || system->part_owner[i] != i) {
+            continue;
+        }
+        pm_graph *g = NULL;
+        PM_TRY(pm_graph_open(&g));
+        const pm_node z = pm_input(g, true, 1, part->layout.nz);
+        pm_node dE, dS;
+        pm_status status = PM_OK;
+        pm_part_coenergies(g, part, PM_NO_NODE, z, &dE, &dS);
+        if (dE != PM_NO_NODE) {
+            dE = pm_broadcast_to(g, dE, (pm_shape){true, 1, part->layout.nz});
+            status = pm_program_open(&w->coenergy[i], g, 1, &dE, 1);
+        }
+        pm_graph_close(g);
+        PM_TRY(status);
+        if (dE != PM_NO_NODE) {
+            w->z_in[i] = pm_program_value(w->coenergy[i], z);
+            w->dE[i] = pm_program_value(w->coenergy[i], dE);
+        }
+    }
+    return PM_OK;
+}
+
+// Takes the temperatures dE/ds at the state z into the range of the rollout, in K for any unit of
+// s. They are exact: dE is a graph.
+static void take_temperatures(const worker *w, pm_rollout *rollout, const double *z) {
+    const pm_system *system = w->e->system;
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &system->scene->physics.subsystem[i];
+        const int owner = w->dE[i] != NULL ? i : system->part_owner[i];
+        if (w->coenergy[owner] != NULL) {
+            memcpy(w->z_in[owner], z + s->first, (size_t)s->layout.nz * sizeof *z);
+            pm_program_run(w->coenergy[owner], 1);
+        }
+        for (int g = 0; g < s->layout.ngroup; ++g) {
+            const pm_group *group = &s->layout.group[g];
+            const double unit = pm_unit_parse(group->unit).factor; // J/K
+            for (int c = 0; c < group->size && has_temperature(group); ++c) {
+                const double dE = w->dE[owner] == NULL ? 0 : w->dE[owner][group->first + c];
+                const double T = dE / unit;
+                const bool first = rollout->coldest == 0 && rollout->warmest == 0;
+                rollout->coldest = first ? T : fmin(rollout->coldest, T);
+                rollout->warmest = first ? T : fmax(rollout->warmest, T);
+            }
+        }
+    }
+}
 
 // --- one rollout ---
 
+// Enters the state reached in the ledger.
 static void book(pm_rollout *rollout, pm_monolithic *assembly) {
     pm_sample sample = *pm_monolithic_sample(assembly);
-    memcpy(rollout->outside, sample.outside,
-           (size_t)rollout->ledger.system->scene->nsubsystem * sizeof *rollout->outside);
+    memcpy(rollout->nout_of_range, sample.outside,
+           (size_t)rollout->ledger.system->scene->physics.nsubsystem *
+               sizeof *rollout->nout_of_range);
     if (pm_ledger_book(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
         snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
                  rollout->trajectory, pm_error());
@@ -36,70 +144,17 @@ static void book(pm_rollout *rollout, pm_monolithic *assembly) {
 // Stores energy and entropy of the subsystems in one state, predicted (which = 0) or true (1).
 static void keep_parts(const pm_evaluation *e, pm_rollout *rollout, int which, int j,
                        const pm_sample *sample) {
-    const size_t n = (size_t)e->system->scene->nsubsystem;
+    const size_t n = (size_t)e->system->scene->physics.nsubsystem;
     const size_t at = ((size_t)which * (size_t)e->truth->ntime + (size_t)j) * n;
     memcpy(rollout->part_energy + at, sample->energy, n * sizeof(double));
     memcpy(rollout->part_entropy + at, sample->entropy, n * sizeof(double));
 }
 
-static double energy_of(pm_monolithic *assembly, const double *z, int subsystem) {
-    pm_monolithic_set_state(assembly, z);
-    return pm_monolithic_sample(assembly)->energy[subsystem];
-}
-
-// Computes the temperatures dE/ds at the state z by central differences. z is unchanged afterwards.
-static void take_temperatures(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
-                              double *z) {
-    for (int i = 0; i < e->system->scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &e->system->scene->subsystem[i];
-        for (int c = 0; c < s->layout.nz; ++c) {
-            const pm_group *group = s->layout.group;
-            while (c >= group->first + group->size) {
-                ++group;
-            }
-            if (strcmp(group->unit, "J/K") != 0 || group->size > MOST_ENTROPIES) {
-                continue;
-            }
-            double *at = &z[s->first + c];
-            const double before = *at, step = TEMPERATURE_STEP * fmax(fabs(before), SMALL_ENTROPY);
-            *at = before + step;
-            double T = energy_of(assembly, z, i);
-            *at = before - step;
-            T = (T - energy_of(assembly, z, i)) / (2 * step);
-            *at = before;
-            const bool first = rollout->coldest == 0 && rollout->warmest == 0;
-            rollout->coldest = first ? T : fmin(rollout->coldest, T);
-            rollout->warmest = first ? T : fmax(rollout->warmest, T);
-        }
-    }
-}
-
-// Evaluates energies, entropies and temperatures in the true states. `z` [nz] is work space.
-static void look_at_truth(const pm_evaluation *e, pm_rollout *rollout, pm_monolithic *assembly,
-                          pm_inner_variables *inner, double *z) {
-    const int ntime = e->truth->ntime, stride = ntime / TEMPERATURES + 1;
-    if (pm_system_without_energy(e->system) >= 0) {
-        return;
-    }
-    for (int j = 0; j < ntime; ++j) {
-        pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, j), z);
-        if (j == 0) {
-            pm_inner_variables_start(inner, z);
-        } else {
-            pm_inner_variables_follow(inner, e->truth->dt, z);
-        }
-        pm_monolithic_set_state(assembly, z);
-        keep_parts(e, rollout, 1, j, pm_monolithic_sample(assembly));
-        if (j % stride == 0) {
-            take_temperatures(e, rollout, assembly, z);
-        }
-    }
-}
-
 // Stores the predicted state. Columns that the scene does not predict, such as boundary inputs,
 // keep their data.
-static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index,
-                       const pm_sample *sample) {
+static void keep_state(const worker *w, pm_rollout *rollout, int index) {
+    const pm_evaluation *e = w->e;
+    const pm_sample *sample = pm_monolithic_sample(w->assembly);
     const int j = rollout->reached++;
     double *row = pm_dataset_state(e->predicted, index, j);
     memcpy(row, pm_dataset_state(e->truth, rollout->trajectory, j),
@@ -110,24 +165,61 @@ static void keep_state(const pm_evaluation *e, pm_rollout *rollout, int index,
     keep_parts(e, rollout, 0, j, sample);
 }
 
-// Steps to the next state of the dataset; false once the state is not finite.
-static bool advance(pm_rollout *rollout, pm_monolithic *assembly, int stride) {
-    for (int i = 0; i < stride; ++i) {
-        const double before = pm_clock();
-        if (pm_monolithic_step(assembly) != PM_OK) {
-            return false;
+// Rolls out one trajectory.
+static void roll(worker *w, int index) {
+    const pm_evaluation *e = w->e;
+    pm_rollout *rollout = &e->rollout[index];
+    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime, trajectory = rollout->trajectory;
+    pm_boundary_input_follow(&w->boundary_input, e->truth, trajectory);
+    pm_monolithic_set_boundary_input(w->assembly, &w->boundary_input);
+    // Energies, entropies and temperatures in the true states.
+    for (int j = 0; j < ntime && pm_system_without_energy(e->system) < 0; ++j) {
+        pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, trajectory, j), w->z);
+        for (int i = 0; i < w->nbody; ++i) { // writes the inner variables to their places
+            const inner_body *b = &w->body[i];
+            if (j == 0) {
+                pm_solid_set_state(b->solid, w->z + b->u, w->z + b->inner);
+            } else { // they stay where the displacements turn an element inside out
+                pm_solid_follow(b->solid, e->truth->dt, w->z + b->u, NULL);
+                memcpy(w->z + b->inner, pm_solid_inner(b->solid),
+                       (size_t)pm_solid_ninner(b->solid) * sizeof *w->z);
+            }
         }
-        rollout->seconds_per_step += pm_clock() - before;
-        book(rollout, assembly);
+        pm_monolithic_set_state(w->assembly, w->z);
+        keep_parts(e, rollout, 1, j, pm_monolithic_sample(w->assembly));
+        if (j % (ntime / TEMPERATURES + 1) == 0) {
+            take_temperatures(w, rollout, w->z);
+        }
     }
-    return true;
-}
-
-// Computes the errors of a rollout. They are infinite from its first state that is not finite.
-static void score(const pm_evaluation *e, pm_rollout *rollout, const double *predicted) {
-    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
-    pm_score(&e->columns, ntime, e->truth->ncolumn, predicted,
-             pm_dataset_state(e->truth, rollout->trajectory, 0), rollout->error, rollout->snapshot);
+    // The rollout from the first state. Its last state is repeated up to the end.
+    pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, trajectory, 0), w->z);
+    pm_monolithic_set_state(w->assembly, w->z);
+    pm_ledger_init(&rollout->ledger, e->system);
+    book(rollout, w->assembly);
+    keep_state(w, rollout, index);
+    for (bool finite = true; finite && rollout->reached < ntime;) {
+        for (int i = 0; i < e->stride && finite; ++i) {
+            const double before = pm_clock();
+            finite = pm_monolithic_step(w->assembly) == PM_OK;
+            if (finite) {
+                rollout->seconds_per_step += pm_clock() - before;
+                book(rollout, w->assembly);
+            }
+        }
+        if (finite) {
+            keep_state(w, rollout, index);
+        }
+    }
+    for (int i = rollout->reached; i < ntime; ++i) {
+        memcpy(pm_dataset_state(e->predicted, index, i),
+               pm_dataset_state(e->predicted, index, i - 1),
+               (size_t)e->truth->ncolumn * sizeof(double));
+    }
+    const long steps = rollout->ledger.steps;
+    rollout->seconds_per_step /= steps > 0 ? (double)steps : 1;
+    // Errors are infinite from the first state on that is not finite.
+    pm_score(&e->columns, ntime, e->truth->ncolumn, pm_dataset_state(e->predicted, index, 0),
+             pm_dataset_state(e->truth, trajectory, 0), rollout->error, rollout->snapshot);
     for (int i = 0; i < ngroup; ++i) {
         if (rollout->reached < ntime || isnan(rollout->error[i])) {
             rollout->error[i] = INFINITY;
@@ -138,31 +230,6 @@ static void score(const pm_evaluation *e, pm_rollout *rollout, const double *pre
             rollout->snapshot[i] = INFINITY;
         }
     }
-}
-
-// Rolls out one trajectory. `z` [nz] is work space.
-static void roll(const pm_evaluation *e, pm_monolithic *assembly, pm_boundary_input *boundary_input,
-                 pm_inner_variables *inner, int index, double *z) {
-    pm_rollout *rollout = &e->rollout[index];
-    pm_boundary_input_follow(boundary_input, e->truth, rollout->trajectory);
-    pm_monolithic_set_boundary_input(assembly, boundary_input);
-    const size_t row_size = (size_t)e->truth->ncolumn * sizeof *z;
-    look_at_truth(e, rollout, assembly, inner, z);
-    pm_columns_to_state(&e->columns, pm_dataset_state(e->truth, rollout->trajectory, 0), z);
-    pm_monolithic_set_state(assembly, z);
-    pm_ledger_init(&rollout->ledger, e->system);
-    book(rollout, assembly);
-    keep_state(e, rollout, index, pm_monolithic_sample(assembly));
-    while (rollout->reached < e->truth->ntime && advance(rollout, assembly, e->stride)) {
-        keep_state(e, rollout, index, pm_monolithic_sample(assembly));
-    }
-    for (int i = rollout->reached; i < e->truth->ntime; ++i) {
-        memcpy(pm_dataset_state(e->predicted, index, i),
-               pm_dataset_state(e->predicted, index, i - 1), row_size);
-    }
-    const long steps = rollout->ledger.steps;
-    rollout->seconds_per_step /= steps > 0 ? (double)steps : 1;
-    score(e, rollout, pm_dataset_state(e->predicted, index, 0));
 }
 
 // --- all rollouts ---
@@ -189,61 +256,58 @@ static int take(pool *p) {
     return index;
 }
 
-static void report_done(pool *p) {
-    pthread_mutex_lock(&p->lock);
-    ++p->done;
-    if (p->how->progress != NULL) {
-        p->how->progress(p->how->context, p->done);
-    }
-    pthread_mutex_unlock(&p->lock);
-}
-
-static void report_failure(pool *p, pm_status status) {
-    pthread_mutex_lock(&p->lock);
-    if (p->status == PM_OK) {
-        p->status = status;
-        snprintf(p->error, sizeof p->error, "%s", pm_error());
-    }
-    pthread_mutex_unlock(&p->lock);
-}
-
 static void *work(void *context) {
     pool *p = context;
     const pm_system *system = p->evaluation->system;
-    const pm_evaluation *e = p->evaluation;
-    pm_arena arena = {0};
-    pm_boundary_input boundary_input;
-    pm_inner_variables inner = {0};
-    pm_monolithic *assembly = NULL;
-    double *z = pm_arena_array(&arena, (size_t)system->scene->nz, sizeof *z);
-    pm_status status = z == NULL ? pm_fail(PM_ENOMEM, "evaluate: out of memory") : PM_OK;
-    PM_TRY_DONE(status);
-    PM_TRY_DONE(
-        pm_boundary_input_bind(&boundary_input, system->scene, e->truth, e->stride, &arena));
-    PM_TRY_DONE(pm_inner_variables_open(&inner, &arena, system, &e->columns));
-    PM_TRY_DONE(pm_monolithic_open(&assembly, system));
+    const size_t n = (size_t)system->scene->physics.nsubsystem;
+    worker w = {.e = p->evaluation};
+    w.z = pm_arena_array(&w.arena, (size_t)system->scene->physics.nz, sizeof *w.z);
+    w.body = pm_arena_array(&w.arena, n, sizeof *w.body);
+    w.coenergy = pm_arena_array(&w.arena, n, sizeof(pm_program *));
+    w.z_in = pm_arena_array(&w.arena, n, sizeof(double *));
+    w.dE = pm_arena_array(&w.arena, n, sizeof(double *));
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(&w.arena, "an evaluation"));
+    PM_TRY_DONE(pm_boundary_input_bind(&w.boundary_input, system->scene, w.e->truth, w.e->stride,
+                                       &w.arena));
+    PM_TRY_DONE(open_models(&w));
+    PM_TRY_DONE(pm_monolithic_open(&w.assembly, system));
     for (int index = take(p); index >= 0; index = take(p)) {
-        roll(e, assembly, &boundary_input, &inner, index, z);
-        report_done(p);
+        roll(&w, index);
+        pthread_mutex_lock(&p->lock);
+        ++p->done;
+        if (p->how->progress != NULL) {
+            p->how->progress(p->how->context, p->done);
+        }
+        pthread_mutex_unlock(&p->lock);
     }
 done:
     if (status != PM_OK) {
-        report_failure(p, status);
+        pthread_mutex_lock(&p->lock);
+        if (p->status == PM_OK) {
+            p->status = status;
+            snprintf(p->error, sizeof p->error, "%s", pm_error());
+        }
+        pthread_mutex_unlock(&p->lock);
     }
-    pm_monolithic_close(assembly);
-    pm_inner_variables_close(&inner);
-    pm_arena_free(&arena);
+    pm_monolithic_close(w.assembly);
+    for (size_t i = 0; i < n && w.coenergy != NULL; ++i) {
+        pm_program_close(w.coenergy[i]);
+    }
+    for (int i = 0; i < w.nbody; ++i) {
+        pm_solid_close(w.body[i].solid);
+    }
+    pm_arena_free(&w.arena);
     return NULL;
 }
 
 // The calling thread works as well, so that the evaluation succeeds if no thread can be started.
 static pm_status run_pool(pm_evaluation *e, const pm_evaluate_how *how) {
-    enum { MOST = 64 };
-    pthread_t thread[MOST];
+    pthread_t thread[MOST_THREADS];
     pool p = {.evaluation = e, .how = how};
     pthread_mutex_init(&p.lock, NULL);
     int started = 0;
-    while (started < how->threads - 1 && started < MOST && started < e->count - 1 &&
+    while (started < how->threads - 1 && started < MOST_THREADS && started < e->count - 1 &&
            pthread_create(&thread[started], NULL, work, &p) == 0) {
         ++started;
     }
@@ -255,92 +319,64 @@ static pm_status run_pool(pm_evaluation *e, const pm_evaluate_how *how) {
     return p.status == PM_OK ? PM_OK : pm_fail(p.status, "%s", p.error);
 }
 
-// --- before and after ---
-
-static pm_status find_stride(pm_evaluation *e) {
-    const pm_scene *scene = e->system->scene;
-    const double ratio = e->truth->dt / scene->dt;
-    const double whole = round(ratio);
-    if (!(whole >= 1 && whole < 1e6 && fabs(ratio - whole) <= DT_TOLERANCE * whole)) {
-        return pm_fail(PM_EDATA,
-                       "%s: dt is %.12g s, and the dataset's %.12g s is no multiple of it",
-                       scene->path, scene->dt, e->truth->dt);
-    }
-    e->stride = (int)whole;
-    return PM_OK;
-}
-
-static pm_status allocate(pm_evaluation *e, const int *which) {
-    const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)e->truth->ntime;
-    const size_t npart = (size_t)e->system->scene->nsubsystem;
-    e->rollout = pm_arena_array(&e->arena, (size_t)e->count, sizeof *e->rollout);
-    e->trajectory = pm_arena_array(&e->arena, ngroup, sizeof *e->trajectory);
-    e->snapshot = pm_arena_array(&e->arena, ngroup, sizeof *e->snapshot);
-    bool made = e->rollout != NULL && e->trajectory != NULL && e->snapshot != NULL;
-    for (int i = 0; made && i < e->count; ++i) {
-        pm_rollout *rollout = &e->rollout[i];
-        rollout->trajectory = which[i];
-        rollout->error = pm_arena_array(&e->arena, ngroup, sizeof(double));
-        rollout->snapshot = pm_arena_array(&e->arena, ntime * ngroup, sizeof(double));
-        rollout->energy = pm_arena_array(&e->arena, ntime, sizeof(double));
-        rollout->outside = pm_arena_array(&e->arena, npart, sizeof *rollout->outside);
-        rollout->entropy = pm_arena_array(&e->arena, ntime, sizeof(double));
-        rollout->part_energy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
-        rollout->part_entropy = pm_arena_array(&e->arena, 2 * ntime * npart, sizeof(double));
-        made = rollout->error != NULL && rollout->snapshot != NULL && rollout->energy != NULL &&
-               rollout->entropy != NULL && rollout->outside != NULL &&
-               rollout->part_energy != NULL && rollout->part_entropy != NULL;
-    }
-    if (!made) {
-        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
-    }
-    PM_TRY(pm_dataset_new(&e->predicted, e->count, e->truth->ntime, e->truth->ncolumn, e->truth->dt,
-                          e->truth->column));
-    memcpy(e->predicted->t, e->truth->t, ntime * sizeof(double));
-    return PM_OK;
-}
-
-static pm_status fill_boxes(pm_evaluation *e) {
-    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime;
-    double *value = calloc((size_t)e->count * (size_t)ntime, sizeof *value);
-    if (value == NULL) {
-        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
-    }
-    for (int g = 0; g < ngroup; ++g) {
-        for (int i = 0; i < e->count; ++i) {
-            value[i] = e->rollout[i].error[g];
-        }
-        e->trajectory[g] = pm_box_of(e->count, value);
-        int n = 0;
-        for (int i = 0; i < e->count; ++i) {
-            for (int j = 1; j < ntime; ++j) {
-                value[n++] = e->rollout[i].snapshot[j * ngroup + g];
-            }
-        }
-        e->snapshot[g] = pm_box_of(n, value);
-    }
-    free(value);
-    return PM_OK;
-}
-
 pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
                            const pm_dataset *truth, int count, const int *which,
                            const pm_evaluate_how *how) {
+    const pm_scene *scene = system->scene;
+    const double ratio = truth->dt / scene->physics.dt, whole = round(ratio);
     if (truth->ntime < 2) {
         return pm_fail(PM_EDATA, "evaluate: a trajectory of %d states leaves nothing to predict",
                        truth->ntime);
+    }
+    if (!(whole >= 1 && whole < 1e6 && fabs(ratio - whole) <= DT_TOLERANCE * whole)) {
+        return pm_fail(PM_EDATA,
+                       "%s: dt is %.12g s, and the dataset's %.12g s is no multiple of it",
+                       scene->path, scene->physics.dt, truth->dt);
     }
     pm_evaluation *e = calloc(1, sizeof *e);
     if (e == NULL) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
-    *e = (pm_evaluation){.system = system, .truth = truth, .count = count};
+    *e = (pm_evaluation){.system = system, .truth = truth, .count = count, .stride = (int)whole};
+    double *value; // of all states of all rollouts
     pm_status status;
-    PM_TRY_DONE(find_stride(e));
-    PM_TRY_DONE(pm_columns_bind(&e->columns, system->scene, truth, &e->arena));
-    PM_TRY_DONE(allocate(e, which));
+    PM_TRY_DONE(pm_columns_bind(&e->columns, scene, truth, &e->arena));
+    const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)truth->ntime;
+    const size_t npart = (size_t)scene->physics.nsubsystem;
+    pm_arena *arena = &e->arena;
+    e->rollout = pm_arena_array(arena, (size_t)count, sizeof *e->rollout);
+    e->trajectory = pm_arena_array(arena, ngroup, sizeof *e->trajectory);
+    e->snapshot = pm_arena_array(arena, ngroup, sizeof *e->snapshot);
+    value = pm_arena_array(arena, (size_t)count * ntime, sizeof *value);
+    for (int i = 0; e->rollout != NULL && i < count; ++i) {
+        pm_rollout *rollout = &e->rollout[i];
+        rollout->trajectory = which[i];
+        rollout->error = pm_arena_array(arena, ngroup, sizeof(double));
+        rollout->snapshot = pm_arena_array(arena, ntime * ngroup, sizeof(double));
+        rollout->energy = pm_arena_array(arena, ntime, sizeof(double));
+        rollout->nout_of_range = pm_arena_array(arena, npart, sizeof *rollout->nout_of_range);
+        rollout->entropy = pm_arena_array(arena, ntime, sizeof(double));
+        rollout->part_energy = pm_arena_array(arena, 2 * ntime * npart, sizeof(double));
+        rollout->part_entropy = pm_arena_array(arena, 2 * ntime * npart, sizeof(double));
+    }
+    PM_TRY_DONE(pm_arena_status(arena, "an evaluation"));
+    PM_TRY_DONE(pm_dataset_new(&e->predicted, count, truth->ntime, truth->ncolumn, truth->dt,
+                               truth->column));
+    memcpy(e->predicted->t, truth->t, ntime * sizeof(double));
     PM_TRY_DONE(run_pool(e, how));
-    PM_TRY_DONE(fill_boxes(e));
+    for (size_t g = 0; g < ngroup; ++g) {
+        int n = 0;
+        for (int i = 0; i < count; ++i) {
+            value[i] = e->rollout[i].error[g];
+        }
+        e->trajectory[g] = pm_box_of(count, value);
+        for (int i = 0; i < count; ++i) {
+            for (size_t j = 1; j < ntime; ++j) {
+                value[n++] = e->rollout[i].snapshot[j * ngroup + g];
+            }
+        }
+        e->snapshot[g] = pm_box_of(n, value);
+    }
     *evaluation = e;
     e = NULL;
 done:
@@ -385,4 +421,24 @@ int pm_evaluation_failures(const pm_evaluation *evaluation) {
         count += evaluation->rollout[i].reached < evaluation->truth->ntime;
     }
     return count;
+}
+
+// --- trajectories of the training ---
+
+int pm_seen_mark(const pm_system *system, const pm_dataset *dataset, bool *seen) {
+    bool known = false;
+    int count = 0;
+    for (int i = 0; i < dataset->ntrajectory; ++i) {
+        const uint64_t digest = pm_dataset_digest(dataset, i);
+        seen[i] = false;
+        for (int k = 0; k < pm_system_components(system); ++k) {
+            const pm_provenance *p = system->component[k].provenance;
+            known = known || p->nseen > 0;
+            for (int s = 0; s < p->nseen; ++s) {
+                seen[i] = seen[i] || p->seen[s] == digest;
+            }
+        }
+        count += seen[i];
+    }
+    return known ? count : -1;
 }

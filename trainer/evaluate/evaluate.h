@@ -23,9 +23,9 @@ typedef struct pm_rollout {
     // [2][ntime][nsubsystem] energy J and entropy J/K of each subsystem by the model, in the
     // predicted states and in the true states. Zero where not reached or not defined.
     double *part_energy, *part_entropy;
-    long *outside; // [nsubsystem] steps that ended outside the training range of the weights
-    // The lowest and highest temperature dE/ds in K of all components with the unit J/K, at some of
-    // the true states; both 0 if there is no such component.
+    long *nout_of_range; // [nsubsystem] steps that ended outside the training range of the weights
+    // The lowest and highest temperature dE/ds in K of all entropies, at some of the true states;
+    // both 0 if there is none.
     double coldest, warmest;
     pm_ledger ledger;
     char violation[256];     // the message of the first violated law of a hard component, or ""
@@ -74,5 +74,12 @@ const pm_rollout *pm_evaluation_violation(const pm_evaluation *evaluation);
 
 // Returns the number of rollouts that became non-finite.
 int pm_evaluation_failures(const pm_evaluation *evaluation);
+
+// Tells which trajectories of a dataset were used to train the weights of a system. Weights files
+// store a digest of each such trajectory, so that the name of the file and the order of its
+// trajectories do not matter. Sets seen [dataset->ntrajectory] to true for each trajectory on which
+// some weights of the system were trained or validated, and to false for all others. Returns the
+// number of such trajectories, or -1 if no weights store digests.
+int pm_seen_mark(const pm_system *system, const pm_dataset *dataset, bool *seen);
 
 #endif

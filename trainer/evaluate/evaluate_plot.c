@@ -1,51 +1,57 @@
-// Writes one gnuplot script for each picture of an evaluation, and runs gnuplot on them.
+// Writes the numbers of an evaluation as text columns, one gnuplot script for each picture of them,
+// and runs gnuplot on the scripts.
 #include "evaluate/evaluate_plot.h"
 
-#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
-#include "evaluate/evaluate_plot_data.h"
 #include "evaluate/gnuplot.h"
 
-// The colours of Okabe and Ito, which remain distinguishable with colour blindness.
-static const char *const colours[] = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                      "#e69f00", "#56b4e9", "#666666"};
-
-const char *pm_plot_colour(int i) {
-    return colours[i % (int)(sizeof colours / sizeof *colours)];
-}
-
+// Errors that a logarithmic axis cannot show are moved to the ends of its range, in per cent.
+#define SMALLEST 1e-12
+#define LARGEST 1e3
 // The most points of a true trajectory; more would overlap.
 #define MOST_POINTS 250
 
-// --- scripts ---
+// The columns that describe a distribution over the rollouts.
+enum {
+    LOW,    // smallest
+    FIRST,  // first quartile
+    MEDIAN, // median
+    THIRD,  // third quartile
+    HIGH,   // largest
+    SPREAD  // the number of these columns
+};
 
-pm_status pm_plot_open_script(FILE **file, const char *folder, const char *name, int width,
-                              int height) {
-    char path[64];
-    snprintf(path, sizeof path, "%s.gp", name);
-    PM_TRY(pm_plot_open(file, folder, path));
-    fprintf(*file,
-            "set terminal pngcairo size %d,%d font 'DejaVu Sans,11' background 'white'\n"
-            "set output '%s.png'\n"
-            "set border 3 linecolor '#555555'\n"
-            "set tics nomirror out textcolor '#222222'\n"
-            "set grid linetype 1 linecolor '#e4e4e4'\n"
-            "set key noautotitle samplen 2 spacing 1.1\n",
-            width, height, name);
-    return PM_OK;
+static double per_cent(double error) {
+    return fmin(fmax(100 * error, SMALLEST), LARGEST);
 }
 
-// Returns the unit of the first group with this name in any subsystem.
-static const char *unit_of(const pm_scene *scene, const char *group) {
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_group *found = pm_layout_find(&scene->subsystem[i].layout, group);
-        if (found != NULL) {
-            return found->unit;
+static pm_status write_errors(const pm_evaluation *e, const char *folder, const char *name,
+                              bool snapshots) {
+    FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, name));
+    const int ngroup = e->columns.ngroup;
+    for (int i = 0; i < e->count; ++i) {
+        const pm_rollout *r = &e->rollout[i];
+        for (int j = snapshots ? 1 : 0; j < (snapshots ? e->truth->ntime : 1); ++j) {
+            fprintf(file, "%d %.9g", r->trajectory, e->truth->t[j]);
+            for (int g = 0; g < ngroup; ++g) {
+                fprintf(file, " %.9g",
+                        per_cent(snapshots ? r->snapshot[j * ngroup + g] : r->error[g]));
+            }
+            fputc('\n', file);
         }
     }
-    return "";
+    return pm_plot_close(file, folder);
+}
+
+// Sorts the values of all rollouts and writes the columns of their distribution.
+static void write_spread(FILE *file, int count, double *value) {
+    const pm_box box = pm_box_of(count, value);
+    fprintf(file, " %.9g %.9g %.9g %.9g %.9g", value[0], box.first_quartile, box.median,
+            box.third_quartile, value[count - 1]);
 }
 
 static void write_log_axis(FILE *file, const char *label) {
@@ -64,8 +70,15 @@ static void write_boxes(FILE *file, const pm_evaluation *e, const char *data, do
     }
 }
 
-static pm_status script_errors(const pm_evaluation *e, const pm_evaluation *trained,
-                               const char *folder) {
+// Draws one panel for trajectories and one for snapshots.
+static pm_status draw_errors(const pm_evaluation *e, const pm_evaluation *trained,
+                             const char *folder) {
+    PM_TRY(write_errors(e, folder, "trajectories.txt", false));
+    PM_TRY(write_errors(e, folder, "snapshots.txt", true));
+    if (trained != NULL) {
+        PM_TRY(write_errors(trained, folder, "trained_trajectories.txt", false));
+        PM_TRY(write_errors(trained, folder, "trained_snapshots.txt", true));
+    }
     FILE *file;
     PM_TRY(pm_plot_open_script(&file, folder, "errors", 900, 450));
     fprintf(file, "set multiplot layout 1,2\n"
@@ -100,8 +113,20 @@ static pm_status script_errors(const pm_evaluation *e, const pm_evaluation *trai
 }
 
 // Draws predictions as lines and true states as points, in one panel for each group.
-static pm_status script_states(const pm_evaluation *e, const char *folder) {
+static pm_status draw_states(const pm_evaluation *e, const char *folder) {
     FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, "states.txt"));
+    for (int j = 0; j < e->truth->ntime; ++j) {
+        const double *row[2] = {pm_dataset_state(e->truth, e->rollout[0].trajectory, j),
+                                pm_dataset_state(e->predicted, 0, j)};
+        fprintf(file, "%.9g", e->truth->t[j]);
+        for (int i = 0; i < 2 * e->columns.nz; ++i) {
+            const int column = e->columns.column[i % e->columns.nz];
+            fprintf(file, " %.9g", column < 0 ? 0 : row[i / e->columns.nz][column]);
+        }
+        fputc('\n', file);
+    }
+    PM_TRY(pm_plot_close(file, folder));
     const pm_columns *c = &e->columns;
     const int every = e->truth->ntime / MOST_POINTS + 1;
     PM_TRY(pm_plot_open_script(&file, folder, "trajectory", 1000, 50 + 250 * c->ngroup));
@@ -113,8 +138,13 @@ static pm_status script_states(const pm_evaluation *e, const char *folder) {
             "set xrange [%.9g:%.9g]\n",
             c->ngroup, e->rollout[0].trajectory, e->truth->t[0], e->truth->t[e->truth->ntime - 1]);
     for (int g = 0; g < c->ngroup; ++g) {
+        const pm_scene *scene = e->system->scene;
+        const pm_group *group = NULL; // the first group with this name in any subsystem
+        for (int i = 0; i < scene->physics.nsubsystem && group == NULL; ++i) {
+            group = pm_layout_find(&scene->physics.subsystem[i].layout, c->group_name[g]);
+        }
         fprintf(file, "set ylabel '%s, %s'\nset xlabel '%s'\nplot ", c->group_name[g],
-                unit_of(e->system->scene, c->group_name[g]), g + 1 < c->ngroup ? "" : "time, s");
+                group == NULL ? "" : group->unit, g + 1 < c->ngroup ? "" : "time, s");
         int count = 0;
         for (int i = 0; i < c->nz; ++i) {
             if (c->group[i] == g) {
@@ -139,14 +169,13 @@ static void write_band(FILE *file, const char *data, int first, const char *colo
         fprintf(file,
                 "'%s' using 1:%d:%d with filledcurves fillcolor '%s' fillstyle transparent solid "
                 "0.12 noborder title 'smallest to largest', ",
-                data, first + PM_PLOT_LOW, first + PM_PLOT_HIGH, colour);
+                data, first + LOW, first + HIGH, colour);
     }
     fprintf(file,
             "'%s' using 1:%d:%d with filledcurves fillcolor '%s' fillstyle transparent solid 0.3 "
             "noborder title 'quartiles', '' using 1:%d with lines linewidth 1.6 linecolor '%s' "
             "title 'median'\n",
-            data, first + PM_PLOT_FIRST, first + PM_PLOT_THIRD, colour, first + PM_PLOT_MEDIAN,
-            colour);
+            data, first + FIRST, first + THIRD, colour, first + MEDIAN, colour);
 }
 
 static void write_time_axis(FILE *file, const pm_evaluation *e) {
@@ -154,9 +183,22 @@ static void write_time_axis(FILE *file, const pm_evaluation *e) {
             e->truth->t[e->truth->ntime - 1] - e->truth->t[0]);
 }
 
-static pm_status script_growth(const pm_evaluation *e, const char *folder) {
+// Draws the errors of states over time; value [count] is work space.
+static pm_status draw_growth(const pm_evaluation *e, const char *folder, double *value) {
     FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, "growth.txt"));
     const int ngroup = e->columns.ngroup;
+    for (int j = 1; j < e->truth->ntime; ++j) {
+        fprintf(file, "%.9g", e->truth->t[j] - e->truth->t[0]);
+        for (int g = 0; g < ngroup; ++g) {
+            for (int i = 0; i < e->count; ++i) {
+                value[i] = per_cent(e->rollout[i].snapshot[j * ngroup + g]);
+            }
+            write_spread(file, e->count, value);
+        }
+        fputc('\n', file);
+    }
+    PM_TRY(pm_plot_close(file, folder));
     PM_TRY(pm_plot_open_script(&file, folder, "growth", 1000, 60 + 250 * ngroup));
     fprintf(file,
             "set multiplot layout %d,1 title 'Error growth over %d trajectories'\n"
@@ -169,13 +211,38 @@ static pm_status script_growth(const pm_evaluation *e, const char *folder) {
         write_log_axis(file, label);
         fprintf(file, "set xlabel '%s'\n%splot ", g + 1 < ngroup ? "" : "time, s",
                 g == 1 ? "set key off\n" : "");
-        write_band(file, "growth.txt", 2 + PM_PLOT_SPREAD * g, pm_plot_colour(g), false);
+        write_band(file, "growth.txt", 2 + SPREAD * g, pm_plot_colour(g), false);
     }
     return pm_plot_close(file, folder);
 }
 
-static pm_status script_laws(const pm_evaluation *e, const char *folder) {
+// Draws energy and entropy over time; value [count] is work space. At each time, rollouts that are
+// no longer finite are left out.
+static pm_status draw_laws(const pm_evaluation *e, const char *folder, double *value) {
     FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, "laws.txt"));
+    for (int j = 1; j < e->truth->ntime; ++j) {
+        for (int k = 0; k < 2; ++k) {
+            int count = 0;
+            for (int i = 0; i < e->count; ++i) {
+                const pm_rollout *r = &e->rollout[i];
+                const double *total = k == 0 ? r->energy : r->entropy;
+                const double change = total[j] - total[0];
+                if (j < r->reached) {
+                    value[count++] = k == 0 ? fmax(fabs(change), SMALLEST) : change;
+                }
+            }
+            if (count == 0) {
+                continue;
+            }
+            if (k == 0) {
+                fprintf(file, "%.9g", e->truth->t[j] - e->truth->t[0]);
+            }
+            write_spread(file, count, value);
+        }
+        fputc('\n', file);
+    }
+    PM_TRY(pm_plot_close(file, folder));
     PM_TRY(pm_plot_open_script(&file, folder, "laws", 1000, 640));
     fprintf(file,
             "set multiplot layout 2,1 title 'Both laws over %d trajectories'\n"
@@ -189,27 +256,32 @@ static pm_status script_laws(const pm_evaluation *e, const char *folder) {
     fputs("unset logscale y\nset format y '%g'\nset xlabel 'time, s'\nset key off\n"
           "set title 'change of the total entropy'\nset ylabel 'S(t) - S(0), J/K'\nplot ",
           file);
-    write_band(file, "laws.txt", 2 + PM_PLOT_SPREAD, pm_plot_colour(2), true);
+    write_band(file, "laws.txt", 2 + SPREAD, pm_plot_colour(2), true);
     return pm_plot_close(file, folder);
 }
 
-// --- all pictures ---
-
 pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *trained,
                              const char *folder) {
-    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
-        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
+    const bool laws = pm_system_without_energy(e->system) < 0;
+    PM_TRY(pm_plot_folder(folder));
+    double *value = calloc((size_t)e->count, sizeof *value);
+    if (value == NULL) {
+        return pm_fail(PM_ENOMEM, "plot: out of memory");
     }
-    PM_TRY(pm_plot_write_data(e, trained, folder));
-    PM_TRY(script_errors(e, trained, folder));
-    PM_TRY(script_states(e, folder));
-    PM_TRY(script_growth(e, folder));
-    PM_TRY(pm_gnuplot_run(folder, "errors.gp"));
-    PM_TRY(pm_gnuplot_run(folder, "trajectory.gp"));
-    PM_TRY(pm_gnuplot_run(folder, "growth.gp"));
-    if (pm_system_without_energy(e->system) >= 0) {
-        return PM_OK;
+    pm_status status;
+    PM_TRY_DONE(draw_errors(e, trained, folder));
+    PM_TRY_DONE(draw_states(e, folder));
+    PM_TRY_DONE(draw_growth(e, folder, value));
+    if (laws) {
+        PM_TRY_DONE(draw_laws(e, folder, value));
     }
-    PM_TRY(script_laws(e, folder));
-    return pm_gnuplot_run(folder, "laws.gp");
+    PM_TRY_DONE(pm_gnuplot_run(folder, "errors.gp"));
+    PM_TRY_DONE(pm_gnuplot_run(folder, "trajectory.gp"));
+    PM_TRY_DONE(pm_gnuplot_run(folder, "growth.gp"));
+    if (laws) {
+        PM_TRY_DONE(pm_gnuplot_run(folder, "laws.gp"));
+    }
+done:
+    free(value);
+    return status;
 }

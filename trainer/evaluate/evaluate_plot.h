@@ -3,10 +3,16 @@
 //   trajectory.png  the first trajectory and its prediction
 //   growth.png      the error of each state over time: median, quartiles and range
 //   laws.png        total energy and entropy over time, if they are defined
+// The numbers are these files, with errors in per cent and time in s:
+//   trajectories.txt  trajectory, 0, error of each group
+//   snapshots.txt     trajectory, time, error of each group; one row for each state but the first
+//   trained_trajectories.txt, trained_snapshots.txt  the same for `trained`, if it is not NULL
+//   states.txt        time, true components, predicted components; of the first rollout
+//   growth.txt        time, and for each group the distribution of the errors of states
+//   laws.txt          time, distribution of |E(t) - E(0)| in J, distribution of S(t) - S(0) in J/K;
+//                     written only if energy is defined
 #ifndef PM_TRAINER_EVALUATE_EVALUATE_PLOT_H
 #define PM_TRAINER_EVALUATE_EVALUATE_PLOT_H
-
-#include <stdio.h>
 
 #include "evaluate/evaluate.h"
 
@@ -15,13 +21,5 @@
 // PM_ENOMEM.
 pm_status pm_evaluation_plot(const pm_evaluation *evaluation, const pm_evaluation *trained,
                              const char *folder);
-
-// Opens the gnuplot script NAME.gp in `folder`, which draws NAME.png with the given size in pixels
-// in the style of all pictures of the trainer. pm_plot_close (evaluate/evaluate_plot_data.h) closes
-// it. PM_EFILE.
-pm_status pm_plot_open_script(FILE **file, const char *folder, const char *name, int width,
-                              int height);
-// Returns colour number i of those that pictures use in turn, as gnuplot writes it.
-const char *pm_plot_colour(int i);
 
 #endif

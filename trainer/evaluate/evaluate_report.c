@@ -45,81 +45,37 @@ static void print_box(const char *group, const char *kind, const pm_box *b) {
            100 * b->mean);
 }
 
-static void print_worst(const char *what, double residual, const char *at, int trajectory,
-                        long step) {
-    printf("  %-28s %10.2e", what, residual);
-    if (at != NULL) {
-        printf("  %s, trajectory %d, step %ld", at, trajectory, step);
-    }
-    printf("\n");
-}
-
-static void print_laws(const pm_evaluation *e, const summary *s) {
-    printf("\nBoth laws\n");
-    const int without = pm_system_without_energy(e->system);
-    if (without >= 0) {
-        printf("  not defined: %s is free of structure and has no energy\n",
-               e->system->scene->subsystem[without].name);
-        return;
-    }
-    if (s->energy == NULL) {
-        print_worst("worst energy residual", 0, NULL, 0, 0);
-    } else {
-        print_worst("worst energy residual", s->energy->ledger.worst_energy,
-                    s->energy->ledger.worst_energy_at, s->energy->trajectory,
-                    s->energy->ledger.worst_energy_step);
-    }
-    if (s->entropy == NULL) {
-        print_worst("worst entropy residual", 0, NULL, 0, 0);
-    } else {
-        print_worst("worst entropy residual", s->entropy->ledger.worst_entropy,
-                    s->entropy->ledger.worst_entropy_at, s->entropy->trajectory,
-                    s->entropy->ledger.worst_entropy_step);
-    }
-    printf("  %-28s %10ld of %ld\n", "steps in violation", s->violations, s->steps);
-    printf("  %-28s %10.2e J, largest\n", "total energy drifts by", s->energy_drift);
-    printf("  %-28s %+10.2e J/K, mean; largest fall over a step %.2e J/K\n",
-           "total entropy changes by", s->entropy_change, s->entropy_fall);
-}
-
-// Sums the steps of all rollouts on which a subsystem was outside the states that its weights were
-// trained on. `trajectories` receives in how many rollouts it was.
-static long count_outside(const pm_evaluation *e, int subsystem, int *trajectories) {
-    long outside = 0;
-    *trajectories = 0;
-    for (int j = 0; j < e->count; ++j) {
-        outside += e->rollout[j].outside[subsystem];
-        *trajectories += e->rollout[j].outside[subsystem] > 0;
-    }
-    return outside;
-}
-
 // Prints which subsystems left the states that their weights were trained on, or, if these are
 // many, only the one that did so most often. Prints nothing if none did, or if the weights do not
 // hold their range.
-static void print_outside(const pm_evaluation *e) {
+static void print_out_of_range(const pm_evaluation *e) {
     const pm_scene *scene = e->system->scene;
-    int count = 0, worst = 0, trajectories;
+    int nsubsystem = 0, worst = 0;
     long most = 0, steps = 0;
     for (int j = 0; j < e->count; ++j) {
         steps += e->rollout[j].ledger.steps;
     }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const long outside = count_outside(e, i, &trajectories);
-        count += outside > 0;
-        worst = outside > most ? i : worst;
-        most = outside > most ? outside : most;
-    }
-    if (count > 0) {
-        printf("\n%d of %d subsystems left the states their weights were trained on:\n", count,
-               scene->nsubsystem);
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const long outside = count_outside(e, i, &trajectories);
-        if (outside > 0 && (count <= MOST_LISTED || i == worst)) {
-            printf("  %s on %ld of %ld steps, in %d of %d trajectories%s\n",
-                   scene->subsystem[i].name, outside, steps, trajectories, e->count,
-                   count > MOST_LISTED ? ", more often than any other" : "");
+    for (int pass = 0; pass < 2; ++pass) { // counts, then prints
+        for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+            long count = 0;
+            int trajectories = 0;
+            for (int j = 0; j < e->count; ++j) {
+                count += e->rollout[j].nout_of_range[i];
+                trajectories += e->rollout[j].nout_of_range[i] > 0;
+            }
+            if (pass == 0) {
+                nsubsystem += count > 0;
+                worst = count > most ? i : worst;
+                most = count > most ? count : most;
+            } else if (count > 0 && (nsubsystem <= MOST_LISTED || i == worst)) {
+                printf("  %s on %ld of %ld steps, in %d of %d trajectories%s\n",
+                       scene->physics.subsystem[i].name, count, steps, trajectories, e->count,
+                       nsubsystem > MOST_LISTED ? ", more often than any other" : "");
+            }
+        }
+        if (pass == 0 && nsubsystem > 0) {
+            printf("\n%d of %d subsystems left the states their weights were trained on:\n",
+                   nsubsystem, scene->physics.nsubsystem);
         }
     }
 }
@@ -140,34 +96,32 @@ static void print_row(const pm_thermo_row *r, const char *name) {
     printf(" %9.3g %s\n", r->typical, unit);
 }
 
-// Prints the rows of one kind, which follow each other: each of them, or, if they are many, the
-// summary over all and the one with the largest median.
-static void print_kind(const pm_thermo_row *row, int count) {
-    pm_thermo_row sum, worst;
-    char name[300];
-    for (int i = 0; i < count && count <= MOST_ROWS; ++i) {
-        print_row(&row[i], strcmp(row[i].kind, "production") == 0 ? "of entropy" : row[i].name);
-    }
-    if (count > MOST_ROWS && pm_thermo_summarise(row, count, &sum, &worst) == PM_OK) {
-        snprintf(name, sizeof name, "of %d %s", count,
-                 strcmp(sum.kind, "power") == 0 ? "ports" : "subsystems");
-        print_row(&sum, name);
-        snprintf(name, sizeof name, "worst: %s", worst.name);
-        print_row(&worst, name);
-    }
-}
-
+// Prints the rows of each kind, or, if they are many, the summary over all and the one with the
+// largest median.
 static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
     if (thermo->count == 0) {
         return;
     }
     printf(
         "\nRelative error, %%                    median      mean   largest      bias   typical\n");
-    for (int i = 0, next; i < thermo->count; i = next) {
-        for (next = i; next < thermo->count && thermo->row[next].kind == thermo->row[i].kind;) {
+    for (int first = 0, next; first < thermo->count; first = next) {
+        const pm_thermo_row *row = &thermo->row[first];
+        for (next = first; next < thermo->count && thermo->row[next].kind == row->kind;) {
             ++next;
         }
-        print_kind(&thermo->row[i], next - i);
+        const int count = next - first;
+        pm_thermo_row sum, worst;
+        char name[300];
+        for (int i = 0; i < count && count <= MOST_ROWS; ++i) {
+            print_row(&row[i], strcmp(row->kind, "production") == 0 ? "of entropy" : row[i].name);
+        }
+        if (count > MOST_ROWS && pm_thermo_summarise(row, count, &sum, &worst) == PM_OK) {
+            snprintf(name, sizeof name, "of %d %s", count,
+                     strcmp(sum.kind, "power") == 0 ? "ports" : "subsystems");
+            print_row(&sum, name);
+            snprintf(name, sizeof name, "worst: %s", worst.name);
+            print_row(&worst, name);
+        }
     }
     printf("  Reference: the model in the true states%s.\n",
            thermo->given ? "; their entropies are given"
@@ -176,34 +130,9 @@ static void print_thermo(const pm_evaluation *e, const pm_thermo *thermo) {
         printf("  Temperatures at true states: %.6g to %.6g K%s\n", thermo->coldest,
                thermo->warmest, thermo->coldest > 0 ? "" : ": NOT POSITIVE");
     }
-    if (e->system->scene->nboundary_input > 0) {
+    if (e->system->scene->physics.nboundary_input > 0) {
         printf("  The production does not include what boundary inputs exchange.\n");
     }
-}
-
-static void print_failures(const pm_evaluation *e) {
-    const int failures = pm_evaluation_failures(e);
-    if (failures > 0) {
-        printf("\n%d of %d rollouts became non-finite; their errors count as infinite:", failures,
-               e->count);
-        for (int i = 0; i < e->count; ++i) {
-            if (e->rollout[i].reached < e->truth->ntime) {
-                printf(" %d (after %d states)", e->rollout[i].trajectory, e->rollout[i].reached);
-            }
-        }
-        printf("\n");
-    }
-}
-
-static bool is_zero(const pm_evaluation *e, int group) {
-    pm_score_sums sums = {0};
-    for (int i = 0; i < e->count; ++i) {
-        for (int j = 0; j < e->truth->ntime; ++j) {
-            const double *row = pm_dataset_state(e->truth, e->rollout[i].trajectory, j);
-            pm_score_add(&e->columns, group, row, row, &sums);
-        }
-    }
-    return sums.norm == 0;
 }
 
 static void print_errors(const pm_evaluation *e, const char *title) {
@@ -223,12 +152,28 @@ static void print_errors(const pm_evaluation *e, const char *title) {
         print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
     }
     for (int g = 0; g < e->columns.ngroup; ++g) {
-        if (is_zero(e, g)) {
+        pm_score_sums sums = {0};
+        for (long k = 0; k < (long)e->count * e->truth->ntime; ++k) {
+            const double *row = pm_dataset_state(
+                e->truth, e->rollout[k / e->truth->ntime].trajectory, (int)(k % e->truth->ntime));
+            pm_score_add(&e->columns, g, row, row, &sums);
+        }
+        if (sums.norm == 0) {
             printf("  %s is zero in truth: its errors are absolute, times 100\n",
                    e->columns.group_name[g]);
         }
     }
-    print_failures(e);
+    const int failures = pm_evaluation_failures(e);
+    if (failures > 0) {
+        printf("\n%d of %d rollouts became non-finite; their errors count as infinite:", failures,
+               e->count);
+        for (int i = 0; i < e->count; ++i) {
+            if (e->rollout[i].reached < e->truth->ntime) {
+                printf(" %d (after %d states)", e->rollout[i].trajectory, e->rollout[i].reached);
+            }
+        }
+        printf("\n");
+    }
 }
 
 void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
@@ -240,14 +185,40 @@ void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
         print_errors(trained, "\nTrajectories that training saw:");
     }
     print_thermo(e, thermo);
-    print_laws(e, &s);
-    print_outside(e);
     const pm_scene *scene = e->system->scene;
-    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step, scene->integrator->name);
-    if (scene->tolerance > 0) {
-        printf("tolerance %g)\n", scene->tolerance);
+    const int without = pm_system_without_energy(e->system);
+    printf("\nBoth laws\n");
+    if (without >= 0) {
+        printf("  not defined: %s is free of structure and has no energy\n",
+               scene->physics.subsystem[without].name);
     } else {
-        printf("%d substeps)\n", scene->substeps);
+        printf("  %-28s %10.2e", "worst energy residual",
+               s.energy == NULL ? 0 : s.energy->ledger.worst_energy);
+        if (s.energy != NULL) {
+            printf("  %s, trajectory %d, step %ld",
+                   pm_ledger_name(&s.energy->ledger, s.energy->ledger.worst_energy_place),
+                   s.energy->trajectory, s.energy->ledger.worst_energy_step);
+        }
+        printf("\n  %-28s %10.2e", "worst entropy residual",
+               s.entropy == NULL ? 0 : s.entropy->ledger.worst_entropy);
+        if (s.entropy != NULL) {
+            printf("  %s, trajectory %d, step %ld",
+                   pm_ledger_name(&s.entropy->ledger, s.entropy->ledger.worst_entropy_place),
+                   s.entropy->trajectory, s.entropy->ledger.worst_entropy_step);
+        }
+        printf("\n");
+        printf("  %-28s %10ld of %ld\n", "steps in violation", s.violations, s.steps);
+        printf("  %-28s %10.2e J, largest\n", "total energy drifts by", s.energy_drift);
+        printf("  %-28s %+10.2e J/K, mean; largest fall over a step %.2e J/K\n",
+               "total entropy changes by", s.entropy_change, s.entropy_fall);
+    }
+    print_out_of_range(e);
+    printf("\nTime per step: %.1f us (%s, ", 1e6 * s.seconds_per_step,
+           scene->physics.integrator->name);
+    if (pm_physics_is_adaptive(&scene->physics)) {
+        printf("tolerance %g)\n", scene->physics.tolerance);
+    } else {
+        printf("%d substeps)\n", scene->physics.substeps);
     }
 }
 
@@ -302,23 +273,32 @@ static void json_groups(const pm_evaluation *e, const char *name) {
     printf("  },\n");
 }
 
-static void json_laws(const pm_evaluation *e, const summary *s) {
+void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained,
+                              const pm_thermo *thermo, const bool *seen) {
+    const summary s = summarise(e);
+    printf("{\n  \"scene\": ");
+    json_text(e->system->scene->name);
+    printf(",\n  \"trajectories\": %d, \"states\": %d, ", e->count, e->truth->ntime);
+    json_number("dt", e->truth->dt, ", ");
+    printf("\"nonfinite\": %d, ", pm_evaluation_failures(e));
+    json_number("seconds_per_step", s.seconds_per_step, ",\n");
+    json_groups(e, "groups");
+    if (trained != NULL) {
+        json_groups(trained, "trained_groups");
+    }
     if (pm_system_without_energy(e->system) >= 0) {
         printf("  \"laws\": null,\n");
-        return;
+    } else {
+        printf("  \"laws\": {");
+        json_number("worst_energy_residual", s.energy == NULL ? 0 : s.energy->ledger.worst_energy,
+                    ", ");
+        json_number("worst_entropy_residual",
+                    s.entropy == NULL ? 0 : s.entropy->ledger.worst_entropy, ", ");
+        printf("\"violations\": %ld, \"steps\": %ld, ", s.violations, s.steps);
+        json_number("energy_drift", s.energy_drift, ", ");
+        json_number("entropy_change", s.entropy_change, ", ");
+        json_number("entropy_fall", s.entropy_fall, "},\n");
     }
-    printf("  \"laws\": {");
-    json_number("worst_energy_residual", s->energy == NULL ? 0 : s->energy->ledger.worst_energy,
-                ", ");
-    json_number("worst_entropy_residual", s->entropy == NULL ? 0 : s->entropy->ledger.worst_entropy,
-                ", ");
-    printf("\"violations\": %ld, \"steps\": %ld, ", s->violations, s->steps);
-    json_number("energy_drift", s->energy_drift, ", ");
-    json_number("entropy_change", s->entropy_change, ", ");
-    json_number("entropy_fall", s->entropy_fall, "},\n");
-}
-
-static void json_thermo(const pm_thermo *thermo) {
     printf("  \"thermodynamics\": {\"entropy_given\": %s, ", thermo->given ? "true" : "false");
     json_number("coldest", thermo->coldest, ", ");
     json_number("warmest", thermo->warmest, ", \"quantities\": [");
@@ -333,11 +313,7 @@ static void json_thermo(const pm_thermo *thermo) {
         json_number("bias", r->bias, ", ");
         json_number("typical", r->typical, "}");
     }
-    printf("]},\n");
-}
-
-static void json_rollouts(const pm_evaluation *e, const bool *seen) {
-    printf("  \"rollouts\": [\n");
+    printf("]},\n  \"rollouts\": [\n");
     for (int i = 0; i < e->count; ++i) {
         const pm_rollout *r = &e->rollout[i];
         printf("    {\"trajectory\": %d, \"seen\": %s, \"states\": %d, \"error\": {", r->trajectory,
@@ -349,31 +325,12 @@ static void json_rollouts(const pm_evaluation *e, const bool *seen) {
             json_number(e->columns.group_name[g], r->error[g],
                         g + 1 < e->columns.ngroup ? ", " : "}, ");
         }
-        long outside = 0;
-        for (int k = 0; k < e->system->scene->nsubsystem; ++k) {
-            outside = r->outside[k] > outside ? r->outside[k] : outside;
+        long most = 0;
+        for (int k = 0; k < e->system->scene->physics.nsubsystem; ++k) {
+            most = r->nout_of_range[k] > most ? r->nout_of_range[k] : most;
         }
-        printf("\"outside\": %ld, ", outside);
+        printf("\"outside\": %ld, ", most);
         json_number("energy_drift", r->ledger.energy_drift, i + 1 < e->count ? "},\n" : "}\n");
     }
-    printf("  ]\n");
-}
-
-void pm_evaluation_print_json(const pm_evaluation *e, const pm_evaluation *trained,
-                              const pm_thermo *thermo, const bool *seen) {
-    const summary s = summarise(e);
-    printf("{\n  \"scene\": ");
-    json_text(e->system->scene->name);
-    printf(",\n  \"trajectories\": %d, \"states\": %d, ", e->count, e->truth->ntime);
-    json_number("dt", e->truth->dt, ", ");
-    printf("\"nonfinite\": %d, ", pm_evaluation_failures(e));
-    json_number("seconds_per_step", s.seconds_per_step, ",\n");
-    json_groups(e, "groups");
-    if (trained != NULL) {
-        json_groups(trained, "trained_groups");
-    }
-    json_laws(e, &s);
-    json_thermo(thermo);
-    json_rollouts(e, seen);
-    printf("}\n");
+    printf("  ]\n}\n");
 }

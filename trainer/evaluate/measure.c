@@ -13,26 +13,22 @@
 #define LARGEST 1e4    // also the ratio of a rollout that is not finite
 #define CONSTANT 1e-12 // error of persistence below which a group counts as constant
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for scores");
-}
-
-// Makes one cell, and one group of `columns`, for each group of each subsystem.
-static pm_status make_cells(pm_measure *m, pm_columns *columns) {
-    const pm_scene *scene = m->evaluation->system->scene;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        m->ncell += scene->subsystem[i].layout.ngroup;
+// Makes one cell, and one group of `columns`, for each group of each subsystem, and measures the
+// rollouts.
+static pm_status measure_rollouts(pm_measure *m, pm_columns *columns) {
+    const pm_evaluation *e = m->evaluation;
+    const pm_scene *scene = e->system->scene;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        m->ncell += scene->physics.subsystem[i].layout.ngroup;
     }
-    m->cell = pm_arena_array(&m->arena, (size_t)m->ncell, sizeof *m->cell);
-    *columns = m->evaluation->columns;
-    columns->group = pm_arena_array(&m->arena, (size_t)scene->nz, sizeof *columns->group);
+    *columns = e->columns;
     columns->ngroup = m->ncell;
-    if (m->cell == NULL || columns->group == NULL) {
-        return no_memory();
-    }
+    columns->group = pm_arena_array(&m->arena, (size_t)scene->physics.nz, sizeof *columns->group);
+    m->cell = pm_arena_array(&m->arena, (size_t)m->ncell, sizeof *m->cell);
+    PM_TRY(pm_arena_status(&m->arena, "scores"));
     int cell = 0;
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &scene->subsystem[i];
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
         for (int g = 0; g < s->layout.ngroup; ++g, ++cell) {
             const pm_group *group = &s->layout.group[g];
             m->cell[cell] =
@@ -42,16 +38,13 @@ static pm_status make_cells(pm_measure *m, pm_columns *columns) {
             }
         }
     }
-    return PM_OK;
-}
-
-// --- rollouts ---
-
-// Writes error and persistence [count][ncell]. `still` [ntime][ncolumn] is work space.
-static void score_rollouts(const pm_measure *m, const pm_columns *columns, double *error,
-                           double *persistence, double *still) {
-    const pm_evaluation *e = m->evaluation;
     const int ntime = e->truth->ntime, ncolumn = e->truth->ncolumn;
+    const size_t n = (size_t)e->count, size = n * (size_t)m->ncell;
+    double *error = pm_arena_array(&m->arena, size, sizeof *error);             // [count][ncell]
+    double *persistence = pm_arena_array(&m->arena, size, sizeof *persistence); // likewise
+    double *one = pm_arena_array(&m->arena, n, sizeof *one);
+    double *still = pm_arena_array(&m->arena, (size_t)ntime * (size_t)ncolumn, sizeof *still);
+    PM_TRY(pm_arena_status(&m->arena, "scores"));
     for (int i = 0; i < e->count; ++i) {
         const double *truth = pm_dataset_state(e->truth, e->rollout[i].trajectory, 0);
         double *own = error + (ptrdiff_t)i * m->ncell;
@@ -65,33 +58,15 @@ static void score_rollouts(const pm_measure *m, const pm_columns *columns, doubl
             own[c] = e->rollout[i].reached < ntime || isnan(own[c]) ? INFINITY : own[c];
         }
     }
-}
-
-static double mean_logarithm(const pm_measure *m, const double *error, const double *persistence) {
     double sum = 0;
-    long n = 0;
-    for (long i = 0; i < (long)m->evaluation->count * m->ncell; ++i) {
+    long moving = 0;
+    for (size_t i = 0; i < size; ++i) {
         if (persistence[i] > CONSTANT) {
             sum += log(fmin(fmax(error[i] / persistence[i], SMALLEST), LARGEST));
-            ++n;
+            ++moving;
         }
     }
-    return n > 0 ? sum / (double)n : 0;
-}
-
-static pm_status measure_rollouts(pm_measure *m, const pm_columns *columns) {
-    const pm_evaluation *e = m->evaluation;
-    const size_t n = (size_t)e->count, size = n * (size_t)m->ncell;
-    double *error = pm_arena_array(&m->arena, size, sizeof *error);
-    double *persistence = pm_arena_array(&m->arena, size, sizeof *persistence);
-    double *one = pm_arena_array(&m->arena, n, sizeof *one);
-    double *still = pm_arena_array(&m->arena, (size_t)e->truth->ntime * (size_t)e->truth->ncolumn,
-                                   sizeof *still);
-    if (error == NULL || persistence == NULL || one == NULL || still == NULL) {
-        return no_memory();
-    }
-    score_rollouts(m, columns, error, persistence, still);
-    m->score = exp(mean_logarithm(m, error, persistence));
+    m->score = exp(moving > 0 ? sum / (double)moving : 0);
     for (int c = 0; c < m->ncell; ++c) {
         for (int i = 0; i < e->count; ++i) {
             one[i] = error[(ptrdiff_t)i * m->ncell + c];
@@ -106,82 +81,58 @@ static pm_status measure_rollouts(pm_measure *m, const pm_columns *columns) {
     return PM_OK;
 }
 
-// --- single steps ---
-
-// Adds the squared error and the squared length of one step from a true state, for each cell.
-static pm_status add_step(const pm_measure *m, const pm_columns *columns, pm_monolithic *assembly,
-                          const double *from, const double *to, double *work, double *square) {
+// Steps from at most MOST_STEPS true states. Boundary inputs are integrated from the beginning of
+// trajectories only, so that a scene with some has no such errors.
+static pm_status measure_steps(pm_measure *m, const pm_columns *columns) {
     const pm_evaluation *e = m->evaluation;
-    const int nz = columns->nz;
-    double *z = work, *next = work + nz;
-    pm_columns_to_state(columns, from, z);
-    pm_columns_to_state(columns, to, next);
-    pm_monolithic_set_state(assembly, z);
-    for (int k = 0; k < e->stride; ++k) {
-        PM_TRY(pm_monolithic_step(assembly));
-    }
-    const double *reached = pm_monolithic_sample(assembly)->z;
-    for (int i = 0; i < nz; ++i) {
-        const double error = reached[i] - next[i], moved = next[i] - z[i];
-        square[2 * columns->group[i]] += error * error;
-        square[2 * columns->group[i] + 1] += moved * moved;
-    }
-    return PM_OK;
-}
-
-static pm_status take_steps(pm_measure *m, const pm_columns *columns, pm_monolithic *assembly,
-                            double *square, double *work) {
-    const pm_evaluation *e = m->evaluation;
-    const int last = e->truth->ntime - 1;
+    const int nz = columns->nz, last = e->truth->ntime - 1;
     const long all = (long)e->count * last, stride = all / MOST_STEPS + 1;
+    if (e->system->scene->physics.nboundary_input > 0) {
+        return PM_OK;
+    }
+    // For each cell the squares of the errors and of the steps.
+    double *square = pm_arena_array(&m->arena, 2 * (size_t)m->ncell, sizeof *square);
+    double *z = pm_arena_array(&m->arena, (size_t)nz, sizeof *z);
+    double *next = pm_arena_array(&m->arena, (size_t)nz, sizeof *next);
+    PM_TRY(pm_arena_status(&m->arena, "scores"));
+    pm_monolithic *assembly = NULL;
+    PM_TRY(pm_monolithic_open(&assembly, e->system));
     bool finite = true;
     for (long k = 0; k < all && finite; k += stride) {
         const int i = e->rollout[k / last].trajectory, j = (int)(k % last);
-        finite = add_step(m, columns, assembly, pm_dataset_state(e->truth, i, j),
-                          pm_dataset_state(e->truth, i, j + 1), work, square) == PM_OK;
+        pm_columns_to_state(columns, pm_dataset_state(e->truth, i, j), z);
+        pm_columns_to_state(columns, pm_dataset_state(e->truth, i, j + 1), next);
+        pm_monolithic_set_state(assembly, z);
+        for (int step = 0; step < e->stride && finite; ++step) {
+            finite = pm_monolithic_step(assembly) == PM_OK;
+        }
+        const double *reached = pm_monolithic_sample(assembly)->z;
+        for (int c = 0; c < nz && finite; ++c) {
+            const double error = reached[c] - next[c], moved = next[c] - z[c];
+            square[2 * columns->group[c]] += error * error;
+            square[2 * columns->group[c] + 1] += moved * moved;
+        }
     }
     for (int c = 0; c < m->ncell; ++c) {
         const double moved = square[2 * c + 1];
         m->cell[c].one_step = finite ? sqrt(square[2 * c] / (moved > 0 ? moved : 1)) : INFINITY;
     }
-    return PM_OK;
-}
-
-static pm_status measure_steps(pm_measure *m, const pm_columns *columns) {
-    const pm_system *system = m->evaluation->system;
-    double *square = pm_arena_array(&m->arena, 2 * (size_t)m->ncell, sizeof *square);
-    double *work = pm_arena_array(&m->arena, 2 * (size_t)columns->nz, sizeof *work);
-    if (square == NULL || work == NULL) {
-        return no_memory();
-    }
-    if (system->scene->nboundary_input > 0) {
-        return PM_OK; // boundary inputs are integrated from the beginning of trajectories only
-    }
-    pm_monolithic *assembly = NULL;
-    PM_TRY(pm_monolithic_open(&assembly, system));
-    const pm_status status = take_steps(m, columns, assembly, square, work);
     pm_monolithic_close(assembly);
-    return status;
-}
-
-static pm_status measure_all(pm_measure *m, bool thorough) {
-    pm_columns columns;
-    PM_TRY(make_cells(m, &columns));
-    PM_TRY(measure_rollouts(m, &columns));
-    if (thorough) {
-        PM_TRY(measure_steps(m, &columns));
-        PM_TRY(pm_thermo_make(&m->thermo, m->evaluation));
-    }
     return PM_OK;
 }
 
 pm_status pm_measure_make(pm_measure *measure, const pm_system *system, const pm_dataset *dataset,
                           int first, int end, bool thorough, const pm_evaluate_how *how) {
     *measure = (pm_measure){.ncell = 0};
-    pm_status status = pm_evaluate(&measure->evaluation, system, dataset, first, end, how);
-    if (status == PM_OK) {
-        status = measure_all(measure, thorough);
+    pm_columns columns;
+    pm_status status;
+    PM_TRY_DONE(pm_evaluate(&measure->evaluation, system, dataset, first, end, how));
+    PM_TRY_DONE(measure_rollouts(measure, &columns));
+    if (thorough) {
+        PM_TRY_DONE(measure_steps(measure, &columns));
+        PM_TRY_DONE(pm_thermo_make(&measure->thermo, measure->evaluation));
     }
+done:
     if (status != PM_OK) {
         pm_measure_free(measure);
     }

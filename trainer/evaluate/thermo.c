@@ -16,13 +16,14 @@ typedef struct series {
     double *error, *sign, *size; // [count] of the present quantity
 } series;
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for energies and entropies");
+static double part_value(const pm_evaluation *e, const double *values, int which, int j, int part) {
+    const int n = e->system->scene->physics.nsubsystem;
+    return values[((ptrdiff_t)which * e->truth->ntime + j) * n + part];
 }
 
-static double part_value(const pm_evaluation *e, const double *values, int which, int j, int part) {
-    const int n = e->system->scene->nsubsystem;
-    return values[((ptrdiff_t)which * e->truth->ntime + j) * n + part];
+// Returns the change of a subsystem's value over the step to state j.
+static double step_of(const pm_evaluation *e, const double *values, int which, int j, int part) {
+    return part_value(e, values, which, j, part) - part_value(e, values, which, j - 1, part);
 }
 
 // --- the quantities over time ---
@@ -39,15 +40,15 @@ static void gain(const series *s, const double *values, int part) {
 // Marks the subsystems that stay connected with end a when the port is removed. Returns false if
 // end b or a boundary input is among them; energies of subsystems then do not determine the power.
 static bool find_side(const pm_scene *scene, int port, bool *side) {
-    memset(side, 0, (size_t)scene->nsubsystem * sizeof *side);
-    if (scene->port[port].subsystem[0] < 0 || scene->port[port].subsystem[1] < 0) {
+    memset(side, 0, (size_t)scene->physics.nsubsystem * sizeof *side);
+    if (scene->physics.port[port].subsystem[0] < 0 || scene->physics.port[port].subsystem[1] < 0) {
         return false;
     }
-    side[scene->port[port].subsystem[0]] = true;
+    side[scene->physics.port[port].subsystem[0]] = true;
     for (bool grown = true; grown;) {
         grown = false;
-        for (int i = 0; i < scene->nport; ++i) {
-            const int *end = scene->port[i].subsystem;
+        for (int i = 0; i < scene->physics.nport; ++i) {
+            const int *end = scene->physics.port[i].subsystem;
             const bool first = end[0] >= 0 && side[end[0]], second = end[1] >= 0 && side[end[1]];
             if (i == port || (!first && !second)) {
                 continue;
@@ -59,25 +60,7 @@ static bool find_side(const pm_scene *scene, int port, bool *side) {
             side[end[0]] = side[end[1]] = true;
         }
     }
-    return !side[scene->port[port].subsystem[1]];
-}
-
-// Computes the mean power into the marked subsystems over each step.
-static void power(const series *s, const double *energy, const bool *side) {
-    const pm_evaluation *e = s->e;
-    for (int j = 0; j < e->truth->ntime; ++j) {
-        s->predicted[j] = s->truth[j] = 0;
-        for (int i = 0; i < e->system->scene->nsubsystem && j > 0; ++i) {
-            if (side[i]) {
-                s->predicted[j] +=
-                    (part_value(e, energy, 0, j, i) - part_value(e, energy, 0, j - 1, i)) /
-                    e->truth->dt;
-                s->truth[j] +=
-                    (part_value(e, energy, 1, j, i) - part_value(e, energy, 1, j - 1, i)) /
-                    e->truth->dt;
-            }
-        }
-    }
+    return !side[scene->physics.port[port].subsystem[1]];
 }
 
 // --- scores ---
@@ -97,29 +80,15 @@ static void score_series(const series *s, int rollout) {
     s->size[rollout] = sqrt(norm / ntime);
 }
 
-static void score_production(const series *s, int rollout) {
-    const pm_rollout *r = &s->e->rollout[rollout];
-    double predicted = 0, truth = 0;
-    const int last = s->e->truth->ntime - 1;
-    for (int i = 0; i < s->e->system->scene->nsubsystem; ++i) {
-        gain(s, r->part_entropy, i);
-        predicted += s->predicted[last];
-        truth += s->truth[last];
-    }
-    const double relative = (predicted - truth) / (truth != 0 ? fabs(truth) : 1);
-    s->sign[rollout] = r->reached > last ? relative : INFINITY;
-    s->error[rollout] = fabs(s->sign[rollout]);
-    s->size[rollout] = fabs(truth);
-}
-
+// Adds a row, unless the quantity vanishes.
 static void add_row(pm_thermo *t, const series *s, const char *kind, const char *name) {
     const int count = s->e->count;
     const pm_box sign = pm_box_of(count, s->sign), size = pm_box_of(count, s->size);
+    const pm_box error = pm_box_of(count, s->error);
     double largest = 0;
     for (int i = 0; i < count; ++i) {
         largest = fmax(largest, s->error[i]);
     }
-    const pm_box error = pm_box_of(count, s->error);
     if (size.median > 0) {
         t->row[t->count++] = (pm_thermo_row){.kind = kind,
                                              .name = name,
@@ -131,87 +100,38 @@ static void add_row(pm_thermo *t, const series *s, const char *kind, const char 
     }
 }
 
-// Adds the row of the energy or the entropy of a subsystem, unless it is constant.
-static void add_part(pm_thermo *t, const series *s, bool entropy, int part) {
-    double largest = 0;
-    for (int i = 0; i < s->e->count; ++i) {
-        const pm_rollout *r = &s->e->rollout[i];
-        const double *values = entropy ? r->part_entropy : r->part_energy;
-        for (int other = 0; other < s->e->system->scene->nsubsystem; ++other) {
-            gain(s, values, other);
-            for (int j = 0; j < s->e->truth->ntime; ++j) {
-                largest = fmax(largest, fabs(s->truth[j]));
-            }
-        }
-        gain(s, values, part);
-        score_series(s, i);
-    }
-    double own = 0;
-    for (int i = 0; i < s->e->count; ++i) {
-        own = fmax(own, s->size[i]);
-    }
-    if (own > NOTHING * largest) {
-        add_row(t, s, entropy ? "entropy" : "energy", s->e->system->scene->subsystem[part].name);
-    }
-}
-
-static void add_port(pm_thermo *t, const series *s, int port, bool *side) {
-    if (!find_side(s->e->system->scene, port, side)) {
-        return;
-    }
-    for (int i = 0; i < s->e->count; ++i) {
-        power(s, s->e->rollout[i].part_energy, side);
-        score_series(s, i);
-    }
-    add_row(t, s, "power", s->e->system->scene->port[port].name);
-}
-
-static bool has_entropy(const pm_system *system) {
-    bool has = false;
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
-        has = has || pm_part_has_entropy(system->part[i]);
-    }
-    return has;
-}
-
-static void add_all(pm_thermo *t, const series *s, bool *side) {
+// Adds the rows of the energies or the entropies of all subsystems that are not constant.
+static void add_parts(pm_thermo *t, const series *s, bool entropy) {
     const pm_scene *scene = s->e->system->scene;
-    const bool entropy = has_entropy(s->e->system);
-    for (int i = 0; i < s->e->count && entropy; ++i) {
-        score_production(s, i);
-    }
-    if (entropy) {
-        add_row(t, s, "production", "");
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        add_port(t, s, i, side);
-    }
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        add_part(t, s, false, i);
-    }
-    for (int i = 0; i < scene->nsubsystem && entropy; ++i) {
-        add_part(t, s, true, i);
-    }
-}
-
-static void find_temperatures(pm_thermo *t, const pm_evaluation *e) {
-    for (int i = 0; i < e->count; ++i) {
-        const pm_rollout *r = &e->rollout[i];
-        t->coldest = i == 0 ? r->coldest : fmin(t->coldest, r->coldest);
-        t->warmest = i == 0 ? r->warmest : fmax(t->warmest, r->warmest);
-    }
-    t->given = true;
-    for (int i = 0; i < e->system->scene->nsubsystem; ++i) {
-        t->given = t->given && e->system->part[i]->spec.entropy.nterm == 0;
+    for (int part = 0; part < scene->physics.nsubsystem; ++part) {
+        double largest = 0, own = 0;
+        for (int i = 0; i < s->e->count; ++i) {
+            const pm_rollout *r = &s->e->rollout[i];
+            const double *values = entropy ? r->part_entropy : r->part_energy;
+            for (int other = 0; other < scene->physics.nsubsystem; ++other) {
+                gain(s, values, other);
+                for (int j = 0; j < s->e->truth->ntime; ++j) {
+                    largest = fmax(largest, fabs(s->truth[j]));
+                }
+            }
+            gain(s, values, part);
+            score_series(s, i);
+            own = fmax(own, s->size[i]);
+        }
+        if (own > NOTHING * largest) {
+            add_row(t, s, entropy ? "entropy" : "energy", scene->physics.subsystem[part].name);
+        }
     }
 }
 
 pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
     const pm_scene *scene = e->system->scene;
+    const int npart = scene->physics.nsubsystem;
     const size_t ntime = (size_t)e->truth->ntime, count = (size_t)e->count;
-    const size_t rows = 1 + (size_t)scene->nport + 2 * (size_t)scene->nsubsystem;
-    *thermo = (pm_thermo){.count = 0};
+    const size_t rows = 1 + (size_t)scene->physics.nport + 2 * (size_t)npart;
+    *thermo = (pm_thermo){.given = true};
     if (pm_system_without_energy(e->system) >= 0) {
+        thermo->given = false;
         return PM_OK;
     }
     pm_arena *arena = &thermo->arena;
@@ -221,15 +141,61 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
                       .error = pm_arena_array(arena, count, sizeof(double)),
                       .sign = pm_arena_array(arena, count, sizeof(double)),
                       .size = pm_arena_array(arena, count, sizeof(double))};
-    bool *side = pm_arena_array(arena, (size_t)scene->nsubsystem, sizeof *side);
+    bool *side = pm_arena_array(arena, (size_t)npart, sizeof *side), entropy = false;
     thermo->row = pm_arena_array(arena, rows, sizeof *thermo->row);
-    if (s.predicted == NULL || s.truth == NULL || s.error == NULL || s.sign == NULL ||
-        s.size == NULL || side == NULL || thermo->row == NULL) {
+    const pm_status status = pm_arena_status(arena, "energies and entropies");
+    if (status != PM_OK) {
         pm_thermo_free(thermo);
-        return no_memory();
+        return status;
     }
-    add_all(thermo, &s, side);
-    find_temperatures(thermo, e);
+    for (int i = 0; i < npart; ++i) {
+        entropy = entropy || pm_part_has_entropy(e->system->part[i]);
+        thermo->given = thermo->given && e->system->part[i]->spec.entropy.nterm == 0;
+    }
+    const int last = e->truth->ntime - 1;
+    for (int k = 0; k < e->count && entropy; ++k) {
+        const pm_rollout *r = &e->rollout[k];
+        double predicted = 0, truth = 0;
+        for (int i = 0; i < npart; ++i) {
+            gain(&s, r->part_entropy, i);
+            predicted += s.predicted[last];
+            truth += s.truth[last];
+        }
+        const double relative = (predicted - truth) / (truth != 0 ? fabs(truth) : 1);
+        s.sign[k] = r->reached > last ? relative : INFINITY;
+        s.error[k] = fabs(s.sign[k]);
+        s.size[k] = fabs(truth);
+    }
+    if (entropy) {
+        add_row(thermo, &s, "production", "");
+    }
+    for (int port = 0; port < scene->physics.nport; ++port) {
+        if (find_side(scene, port, side)) {
+            for (int i = 0; i < e->count; ++i) { // the mean power into the side over each step
+                const double *energy = e->rollout[i].part_energy;
+                for (int j = 0; j <= last; ++j) {
+                    s.predicted[j] = s.truth[j] = 0;
+                    for (int k = 0; k < npart && j > 0; ++k) {
+                        if (side[k]) {
+                            s.predicted[j] += step_of(e, energy, 0, j, k) / e->truth->dt;
+                            s.truth[j] += step_of(e, energy, 1, j, k) / e->truth->dt;
+                        }
+                    }
+                }
+                score_series(&s, i);
+            }
+            add_row(thermo, &s, "power", scene->physics.port[port].name);
+        }
+    }
+    add_parts(thermo, &s, false);
+    if (entropy) {
+        add_parts(thermo, &s, true);
+    }
+    for (int i = 0; i < e->count; ++i) {
+        const pm_rollout *r = &e->rollout[i];
+        thermo->coldest = i == 0 ? r->coldest : fmin(thermo->coldest, r->coldest);
+        thermo->warmest = i == 0 ? r->warmest : fmax(thermo->warmest, r->warmest);
+    }
     return PM_OK;
 }
 
@@ -241,7 +207,7 @@ pm_status pm_thermo_summarise(const pm_thermo_row *row, int count, pm_thermo_row
                               pm_thermo_row *worst) {
     double *median = malloc(2 * (size_t)count * sizeof *median);
     if (median == NULL) {
-        return no_memory();
+        return pm_fail(PM_ENOMEM, "out of memory for a summary");
     }
     double *typical = median + count;
     *worst = row[0];

@@ -1,7 +1,7 @@
 // Scores the thermodynamic quantities of the rollouts of an evaluation: the entropy produced, the
 // energy and entropy of each subsystem, and the power through each port. The reference values are
 // the model's own energies and entropies in the true states; the inner variables of a solid there
-// follow from the true displacements (inner_variables.h). Where an entropy is a given variable
+// follow from the true displacements. Where an entropy is a given variable
 // of the state, its reference value is the truth itself.
 #ifndef PM_TRAINER_EVALUATE_THERMO_H
 #define PM_TRAINER_EVALUATE_THERMO_H

@@ -1,12 +1,19 @@
-// Writes a proposed training file: head, models, mappings and stages.
+// Writes a proposed training file: head, models, mappings and stages; and the scene of a model
+// without structure.
 #include "propose/propose.h"
 
+#include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
-#include "propose/decay.h"
-#include "propose/propose_draft.h"
+#include "base/path.h"
+#include "base/unit.h"
+#include "propose/draft.h"
 #include "propose/temperature.h"
+#include "store/yaml.h"
 
 // Bounds on the substep times the fastest rate of change: in the last stage, and in a scene that
 // resolves its dynamics.
@@ -27,15 +34,34 @@
 #define STEP_BATCH 2048
 #define STEP_WORK 40000
 #define MOST_TIMES 4
+// Median residuals beyond which a sample of a step counts less, so that few bad ones do not decide.
+#define ROBUST 20
+
+// Closes a file. PM_EFILE: it could not be opened (NULL) or written.
+static pm_status close_file(FILE *file, const char *path) {
+    const bool failed = file == NULL || ferror(file) != 0;
+    return file != NULL && fclose(file) == 0 && !failed
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s: cannot be written", path);
+}
 
 // Returns the number of substeps, at least 1, such that a substep times the fastest rate of change
 // is at most `turn`, and times the fastest decay at most `decay`.
 static double substeps_for(const pm_draft *d, double turn, double decay) {
-    const double dt = d->p->scene->dt;
-    return fmax(1, ceil(fmax(d->look.fastest * dt / turn, d->decay * dt / decay)));
+    const double dt = d->p->scene->physics.dt;
+    return fmax(1, ceil(fmax(d->look.fastest * dt / turn, d->look.decay * dt / decay)));
 }
 
-static void write_head(const pm_draft *d) {
+// Returns the most iterations of a stage: the more, the less work each of them is.
+static int iterations_of(const pm_draft *d, int fewest, int batch, int substeps, double little) {
+    const int samples = d->look.samples < batch ? d->look.samples : batch;
+    const double work = (double)samples * substeps * d->p->scene->physics.nz;
+    return (int)(fewest * fmin(fmax(little / work, 1), MOST_TIMES));
+}
+
+// Writes the whole file: what the data show, the models, who has them, and the stages.
+static void write_all(const pm_draft *d) {
+    const pm_physics *physics = &d->p->scene->physics;
     FILE *f = d->file;
     const pm_dataset *data = d->p->dataset;
     static const char *const forms[] = {"hard: both laws hold by construction",
@@ -47,15 +73,15 @@ static void write_head(const pm_draft *d) {
         "states,\n# %g s apart. Form %s.\n",
         data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
     fprintf(f, "# The fastest rate changes by a factor of %.3g per s, %.3g per step of %g s. ",
-            d->look.fastest, d->look.fastest * d->p->scene->dt, d->p->scene->dt);
-    if (d->decay > 0) {
-        fprintf(f, "Deviations decay by a rate of up to\n# %.3g per s, %.3g per step. ", d->decay,
-                d->decay * d->p->scene->dt);
+            d->look.fastest, d->look.fastest * physics->dt, physics->dt);
+    if (d->look.decay > 0) {
+        fprintf(f, "Deviations decay by a rate of up to\n# %.3g per s, %.3g per step. ",
+                d->look.decay, d->look.decay * physics->dt);
     }
     const double wanted = substeps_for(d, RESOLVED, STABLE);
-    fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", d->p->scene->integrator->name,
-            d->p->scene->substeps,
-            wanted <= d->p->scene->substeps
+    fprintf(f, "%s of the scene has %d substeps;\n# %s.\n", physics->integrator->name,
+            physics->substeps,
+            wanted <= physics->substeps
                 ? "that is enough"
                 : "MORE are needed, such that a substep changes a rate by at most 0.5, and that a "
                   "decay is at most 2 per substep");
@@ -71,26 +97,33 @@ static void write_head(const pm_draft *d) {
     fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",
             d->p->data_path);
     fprintf(f, "seed: 1\n\nmodels:\n");
-}
-
-// Returns the number of substeps for training, but no more than the scene has.
-static int training_substeps(const pm_draft *d) {
-    const double wanted = substeps_for(d, FINE, DECAYS);
-    const int most = d->p->scene->substeps;
-    return wanted < most ? (int)wanted : most;
-}
-
-// Returns the most iterations of a stage: the more, the less work each of them is.
-static int iterations_of(const pm_draft *d, int fewest, int batch, int substeps, double little) {
-    const int samples = d->look.samples < batch ? d->look.samples : batch;
-    const double work = (double)samples * substeps * d->p->scene->nz;
-    return (int)(fewest * fmin(fmax(little / work, 1), MOST_TIMES));
-}
-
-// Derivatives take all samples at once where there are not too many. A random batch lacks most of
-// the rare states, and the step that is best for it is not the best one for all.
-static void write_stages(const pm_draft *d) {
-    FILE *f = d->file;
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        if (physics->subsystem[i].model == NULL) {
+            pm_draft_part(d, &d->part[i]);
+        }
+    }
+    for (int i = 0; i < physics->nport; ++i) {
+        if (physics->port[i].model == NULL) {
+            pm_draft_port(d, i);
+        }
+    }
+    fprintf(f, "\nsubsystems: {");
+    for (int i = 0, n = 0; i < physics->nsubsystem; ++i) {
+        const char *name = physics->subsystem[i].name;
+        if (physics->subsystem[i].model == NULL) {
+            fprintf(f, "%s%s: %s", n++ > 0 ? ", " : "", name, name);
+        }
+    }
+    fprintf(f, "}\nports: {");
+    for (int i = 0, n = 0; i < physics->nport; ++i) {
+        const char *name = physics->port[i].name;
+        if (physics->port[i].model == NULL) {
+            fprintf(f, "%s%s: %s", n++ > 0 ? ", " : "", name, name);
+        }
+    }
+    fprintf(f, "}\n\n");
+    // Derivatives take all samples at once where there are not too many. A random batch lacks most
+    // of the rare states, and the step that is best for it is not the best one for all.
     fputs(d->p->form == PM_FREE
               ? "# A network alone needs no choice of initial weights. It is fitted to "
                 "derivatives, then to single "
@@ -103,66 +136,181 @@ static void write_stages(const pm_draft *d) {
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",
             iterations_of(d, DERIVATIVE_ITERATIONS, DERIVATIVE_BATCH, 1, DERIVATIVE_WORK),
             DERIVATIVE_BATCH);
-    const int substeps = training_substeps(d);
-    fprintf(
-        f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: 20}\n",
-        iterations_of(d, STEP_ITERATIONS, STEP_BATCH, substeps, STEP_WORK), STEP_BATCH, substeps);
-}
-
-static void write_all(const pm_draft *d) {
-    const pm_scene *scene = d->p->scene;
-    write_head(d);
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        if (scene->subsystem[i].model == NULL) {
-            pm_draft_part(d, &d->part[i]);
-        }
-    }
-    for (int i = 0; i < scene->nport; ++i) {
-        if (scene->port[i].model == NULL) {
-            pm_draft_port(d, i);
-        }
-    }
-    pm_draft_list l = {.file = d->file};
-    fprintf(d->file, "\nsubsystems: {");
-    for (int i = 0; i < scene->nsubsystem; ++i) {
-        const char *name = scene->subsystem[i].name;
-        if (scene->subsystem[i].model == NULL) {
-            fprintf(d->file, "%s%s: %s", l.count++ > 0 ? ", " : "", name, name);
-        }
-    }
-    l.count = 0;
-    fprintf(d->file, "}\nports: {");
-    for (int i = 0; i < scene->nport; ++i) {
-        const char *name = scene->port[i].name;
-        if (scene->port[i].model == NULL) {
-            fprintf(d->file, "%s%s: %s", l.count++ > 0 ? ", " : "", name, name);
-        }
-    }
-    fprintf(d->file, "}\n\n");
-    write_stages(d);
+    // As fine as training needs, but no finer than the scene.
+    const double fine = substeps_for(d, FINE, DECAYS);
+    const int most = physics->substeps, substeps = fine < most ? (int)fine : most;
+    fprintf(f,
+            "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: %d}\n",
+            iterations_of(d, STEP_ITERATIONS, STEP_BATCH, substeps, STEP_WORK), STEP_BATCH,
+            substeps, ROBUST);
 }
 
 pm_status pm_propose(const pm_proposal *p, const char *path) {
-    pm_draft d = {.p = p, .width = p->scene->nsubsystem > 2 ? 12 : 16};
-    PM_TRY(pm_look_make(&d.look, p->scene, p->dataset));
-    pm_status status = PM_OK;
-    d.part = pm_arena_array(&d.look.arena, (size_t)p->scene->nsubsystem, sizeof *d.part);
-    d.temperature = pm_arena_array(&d.look.arena, (size_t)p->scene->nz, sizeof *d.temperature);
-    const bool memory = d.part != NULL && d.temperature != NULL;
-    d.file = memory ? fopen(path, "w") : NULL;
-    if (d.file == NULL) {
-        status = !memory ? pm_fail(PM_ENOMEM, "out of memory for a proposal")
-                         : pm_fail(PM_EFILE, "%s: cannot be written", path);
-    } else {
-        d.decay = pm_look_decay(&d.look);
-        pm_view_parts(&d.look, d.part);
-        d.rotates = pm_view_rotation(&d.look, d.part);
+    const pm_scene *scene = p->scene;
+    pm_draft d = {.p = p};
+    PM_TRY(pm_look_make(&d.look, scene, p->dataset));
+    pm_arena *arena = &d.look.arena;
+    d.part = pm_arena_array(arena, (size_t)scene->physics.nsubsystem, sizeof *d.part);
+    d.temperature = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *d.temperature);
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(arena, "a proposal"));
+    d.file = fopen(path, "w");
+    if (d.file != NULL) {
+        d.rotates = pm_view_parts(&d.look, d.part);
         pm_look_temperatures(&d.look, d.part, d.temperature);
         write_all(&d);
-        const bool failed = ferror(d.file) != 0;
-        status = fclose(d.file) == 0 && !failed ? PM_OK
-                                                : pm_fail(PM_EFILE, "%s: cannot be written", path);
     }
+    status = close_file(d.file, path);
+done:
     pm_look_free(&d.look);
     return status;
+}
+
+// --- scenes without structure ---
+
+pm_status pm_propose_scene(const char *from, const char *path) {
+    FILE *in = fopen(from, "r"), *out = in == NULL ? NULL : fopen(path, "w");
+    if (out == NULL) {
+        const char *which = in == NULL ? from : path;
+        const char *why = strerror(errno);
+        if (in != NULL) {
+            fclose(in);
+        }
+        return pm_fail(PM_EFILE, "%s: %s", which, why);
+    }
+    char *line = NULL;
+    size_t size = 0;
+    fprintf(out, "# %s with ports of the law exchange, for models in the form free.\n", from);
+    while (getline(&line, &size, in) > 0) {
+        const char *law = strstr(line, "law: bracket");
+        if (law != NULL) {
+            fprintf(out, "%.*slaw: exchange%s", (int)(law - line), line,
+                    law + strlen("law: bracket"));
+        } else {
+            fputs(line, out);
+        }
+    }
+    free(line);
+    const bool failed = ferror(in) != 0;
+    fclose(in);
+    const pm_status status = close_file(out, path);
+    return failed ? pm_fail(PM_EFILE, "%s: cannot be read", from) : status;
+}
+
+bool pm_propose_fits_one(const pm_scene *scene) {
+    int count = 0;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        count += scene->physics.subsystem[i].layout.ngroup;
+    }
+    return scene->physics.nboundary_input == 0 && count <= PM_MAX_GROUPS;
+}
+
+pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
+    // A model of the form free has no energy, which some methods need.
+    const pm_integrator *own = scene->physics.integrator;
+    const bool needs_energy = pm_integrator_keeps_energy(own);
+    FILE *file = fopen(path, "w");
+    if (file == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    fprintf(file,
+            "# %s as one subsystem, for models without structure.\n"
+            "scene: %s\n"
+            "time: {dt: %.17g, steps: %d, integrator: %s, substeps: %d}\n"
+            "subsystems:\n"
+            "  all:\n"
+            "    weights: weights/all.h5\n"
+            "    state:\n",
+            scene->path, scene->name, scene->physics.dt, scene->run.steps,
+            needs_energy ? "rk4" : own->name, scene->physics.substeps);
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            fprintf(file, "      %s_%s: {unit: \"%s\", columns: [", subsystem->name, group->name,
+                    group->unit);
+            for (int c = 0; c < group->size; ++c) {
+                fprintf(file, "%s\"%s\"", c > 0 ? ", " : "", subsystem->column[group->first + c]);
+            }
+            fputs("]}\n", file);
+        }
+    }
+    return close_file(file, path);
+}
+// --- files ---
+
+static pm_status write_proposal(const char *scene_path, const char *data, pm_form form,
+                                const char *output) {
+    pm_scene *scene = NULL;
+    pm_dataset *dataset = NULL;
+    char *scene_name = NULL, *data_name = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_scene_load(&scene, scene_path));
+    PM_TRY_DONE(pm_dataset_load(&dataset, data));
+    // Paths in a training file are relative to its folder. Absolute paths are valid everywhere.
+    scene_name = realpath(scene_path, NULL);
+    data_name = realpath(data, NULL);
+    if (scene_name == NULL || data_name == NULL) {
+        status = pm_fail(PM_ENOMEM, "out of memory for a path");
+        goto done;
+    }
+    const pm_proposal proposal = {.scene = scene,
+                                  .dataset = dataset,
+                                  .scene_path = scene_name,
+                                  .data_path = data_name,
+                                  .form = form};
+    PM_TRY_DONE(pm_propose(&proposal, output));
+    // A group whose unit is not known gets no role.
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            if (!pm_unit_parse(group->unit).known) {
+                printf("%s.%s: the unit \"%s\" is not known, so that the proposal cannot tell what "
+                       "the "
+                       "group is. SI units with prefixes are known, such as kg m/s, mm or kJ/K.\n",
+                       subsystem->name, group->name, group->unit);
+            }
+        }
+    }
+    printf("wrote %s\n", output);
+done:
+    free(scene_name);
+    free(data_name);
+    pm_dataset_free(dataset);
+    pm_scene_free(scene);
+    return status;
+}
+
+pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output) {
+    if (form != PM_FREE) {
+        return write_proposal(scene, data, form, output);
+    }
+    char exchange[PATH_MAX];
+    const int length =
+        snprintf(exchange, sizeof exchange, "%.*s_scene.yaml", (int)pm_path_stem(output), output);
+    if (length >= (int)sizeof exchange) {
+        return pm_fail(PM_EUSAGE, "%s: the path is too long", output);
+    }
+    // A black box has all groups in one subsystem where that is possible. Otherwise the scene keeps
+    // its subsystems, and its ports have the law exchange.
+    pm_scene *own = NULL;
+    PM_TRY(pm_scene_load(&own, scene));
+    const pm_status status = pm_propose_fits_one(own) ? pm_propose_scene_of_one(own, exchange)
+                                                      : pm_propose_scene(scene, exchange);
+    pm_scene_free(own);
+    PM_TRY(status);
+    printf("wrote %s\n", exchange);
+    return write_proposal(exchange, data, form, output);
+}
+
+bool pm_propose_is_scene(const char *path) {
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    if (pm_yaml_open(&document, path, &root) != PM_OK) {
+        return false; // the reader of the file reports the error
+    }
+    const bool scene = pm_yaml_exists(pm_yaml_get(root, "time"));
+    pm_yaml_close(document);
+    return scene;
 }

@@ -1,18 +1,16 @@
-// Fits a polynomial energy to the power of motion, by normal equations on both halves of the data.
+// Fits a polynomial energy to the power of motion, on both halves of the data.
 #include "propose/temperature.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "base/linalg.h"
-
-#define MOST_DEGREE 4   // of the polynomial
+#define MOST_DEGREE 4   // of the polynomial: enough for the energies of springs and of heat
 #define MOST_FACTORS 40 // terms of one subsystem
 #define MOST_TERMS 160  // terms of all subsystems
 #define BLOCKS 20       // of states, which belong to both halves in turn
-#define RIDGE 1e-10     // relative to the diagonal
 #define UNEXPLAINED 0.3 // largest fraction of the squared power of the other half
 #define AGREE 2.0       // largest ratio of the temperatures of both halves
+_Static_assert(MOST_TERMS <= PM_MAX_TERMS, "least squares have room for all terms");
 
 // A product of scaled variables of one subsystem. It is a part of U, or, with `moved`, the factor
 // of the rate of this component in the power of a mass that depends on positions.
@@ -27,19 +25,18 @@ typedef struct energy_balance {
     const pm_part_view *parts;
     double *mean, *deviation; // [nz]
     double *unit;             // [nz] J/K per unit of an entropy, 0: no entropy
-    double *slope;            // [2][nz] dU/ds of the fit to each half, in K
     int nterm;
     term term[MOST_TERMS];
-    double *matrix;                 // [nterm][nterm]
-    double solution[2][MOST_TERMS]; // of both halves, for scaled terms
     double size[MOST_TERMS];        // root mean squares of the rates of the terms
+    double solution[2][MOST_TERMS]; // of the fits to both halves, for scaled terms
+    pm_least_squares equations;
 } energy_balance;
 
 // Returns the power of motion in state k, in W.
 static double power_of(const energy_balance *b, int k) {
-    const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->nz;
+    const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->physics.nz;
     double power = 0;
-    for (int i = 0; i < b->look->scene->nsubsystem; ++i) {
+    for (int i = 0; i < b->look->scene->physics.nsubsystem; ++i) {
         const pm_part_view *v = &b->parts[i];
         for (int g = 0; g < v->count; ++g) {
             const int m = v->mate[g];
@@ -55,7 +52,7 @@ static double power_of(const energy_balance *b, int k) {
 
 // Returns the product of the variables of a term but for number `without` in state k.
 static double product_of(const energy_balance *b, const term *t, int without, int k) {
-    const double *z = b->look->z + (ptrdiff_t)k * b->look->scene->nz;
+    const double *z = b->look->z + (ptrdiff_t)k * b->look->scene->physics.nz;
     double product = 1;
     for (int j = 0; j < t->degree; ++j) {
         const int c = t->component[j];
@@ -66,22 +63,13 @@ static double product_of(const energy_balance *b, const term *t, int without, in
 
 // Returns the power of a term in state k: the rate of a part of U.
 static double rate_of(const energy_balance *b, const term *t, int k) {
-    const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->nz;
+    const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->physics.nz;
     if (t->moved >= 0) {
         return rate[t->moved] / b->deviation[t->moved] * product_of(b, t, -1, k);
     }
     double sum = 0;
     for (int i = 0; i < t->degree; ++i) {
         sum += rate[t->component[i]] / b->deviation[t->component[i]] * product_of(b, t, i, k);
-    }
-    return sum;
-}
-
-// Returns the derivative of a term of U by the scaled component c in state k.
-static double slope_of(const energy_balance *b, const term *t, int c, int k) {
-    double sum = 0;
-    for (int i = 0; i < t->degree && t->moved < 0; ++i) {
-        sum += t->component[i] == c ? product_of(b, t, i, k) : 0;
     }
     return sum;
 }
@@ -140,23 +128,7 @@ static bool add_polynomial(energy_balance *b, const term *before, int most, doub
     return true;
 }
 
-// Adds the terms p p x' and their products with powers of the components x, which may be those
-// of dK/dx of a kinetic energy K that is quadratic in the momenta p.
-static bool add_masses(energy_balance *b, const components *x, const components *p) {
-    const double room = p->n > 0 ? 2.0 * MOST_FACTORS / (p->n * (p->n + 1) * x->n) - 1 : 0;
-    bool added = true;
-    for (int i = 0; i < x->n && added; ++i) {
-        for (int k = 0; k < p->n * p->n && added; ++k) {
-            const term mass = {x->at[i], 2, {p->at[k / p->n], p->at[k % p->n]}};
-            if (k % p->n <= k / p->n) {
-                added = add_products(b, &mass, 0, x) &&
-                        (room < x->n || add_polynomial(b, &mass, MOST_DEGREE, room, x));
-            }
-        }
-    }
-    return added;
-}
-
+// Adds the terms of one subsystem. Returns false if there is no room.
 static bool add_part(energy_balance *b, const pm_part_view *v) {
     components all = {0}, x = {0}, p = {0};
     for (int g = 0; g < v->count; ++g) {
@@ -170,41 +142,40 @@ static bool add_part(energy_balance *b, const pm_part_view *v) {
         }
     }
     const term none = {.moved = -1};
-    return add_polynomial(b, &none, MOST_DEGREE, MOST_FACTORS, &all) && add_masses(b, &x, &p);
-}
-
-// Returns true for momenta, which are not centred, since their energy is quadratic in them.
-static bool is_momentum(const energy_balance *b, int c) {
-    for (int i = 0; i < b->look->scene->nsubsystem; ++i) {
-        const pm_part_view *v = &b->parts[i];
-        for (int g = 0; g < v->count; ++g) {
-            if (v->kind[g] == PM_VIEW_MOMENTUM && c >= v->group[g].first &&
-                c < v->group[g].first + v->group[g].group->size) {
-                return true;
+    bool added = add_polynomial(b, &none, MOST_DEGREE, MOST_FACTORS, &all);
+    // The terms p p x' and their products with powers of the components x, which may be those of
+    // dK/dx of a kinetic energy K that is quadratic in the momenta p.
+    const double room = p.n > 0 ? 2.0 * MOST_FACTORS / (p.n * (p.n + 1) * x.n) - 1 : 0;
+    for (int i = 0; i < x.n && added; ++i) {
+        for (int k = 0; k < p.n * p.n && added; ++k) {
+            const term mass = {x.at[i], 2, {p.at[k / p.n], p.at[k % p.n]}};
+            if (k % p.n <= k / p.n) {
+                added = add_products(b, &mass, 0, &x) &&
+                        (room < x.n || add_polynomial(b, &mass, MOST_DEGREE, room, &x));
             }
         }
     }
-    return false;
+    return added;
 }
 
+// Computes the units of all variables and terms. Momenta are not centred, since their energy is
+// quadratic in them.
 static void find_units(energy_balance *b) {
-    const int nz = b->look->scene->nz, count = b->look->count;
-    for (int c = 0; c < nz; ++c) {
-        for (int k = 0; k < count && !is_momentum(b, c); ++k) {
-            b->mean[c] += b->look->z[(ptrdiff_t)k * nz + c] / count;
-        }
-        for (int k = 0; k < count; ++k) {
-            const double x = b->look->z[(ptrdiff_t)k * nz + c] - b->mean[c];
-            b->deviation[c] += x * x / count;
-        }
-        b->deviation[c] = b->deviation[c] > 0 ? sqrt(b->deviation[c]) : 1;
-    }
-    for (int i = 0; i < b->look->scene->nsubsystem; ++i) {
+    const int nz = b->look->scene->physics.nz, count = b->look->count;
+    for (int i = 0; i < b->look->scene->physics.nsubsystem; ++i) {
         const pm_part_view *v = &b->parts[i];
         for (int g = 0; g < v->count; ++g) {
-            for (int c = 0; c < v->group[g].group->size; ++c) {
-                b->unit[v->group[g].first + c] =
+            for (int c = v->group[g].first; c < v->group[g].first + v->group[g].group->size; ++c) {
+                b->unit[c] =
                     v->kind[g] == PM_VIEW_ENTROPY && !v->group[g].constant ? v->unit[g].factor : 0;
+                for (int k = 0; k < count && v->kind[g] != PM_VIEW_MOMENTUM; ++k) {
+                    b->mean[c] += b->look->z[(ptrdiff_t)k * nz + c] / count;
+                }
+                for (int k = 0; k < count; ++k) {
+                    const double x = b->look->z[(ptrdiff_t)k * nz + c] - b->mean[c];
+                    b->deviation[c] += x * x / count;
+                }
+                b->deviation[c] = b->deviation[c] > 0 ? sqrt(b->deviation[c]) : 1;
             }
         }
     }
@@ -219,70 +190,36 @@ static void find_units(energy_balance *b) {
 
 // --- the fits ---
 
-// Returns the half that state k belongs to, 0 or 1. The states are in the order of trajectories,
-// which may be sorted by their size.
-static int half_of(const energy_balance *b, int k) {
-    return (int)((long)k * BLOCKS / b->look->count % 2);
-}
-
-// Writes the rates of the scaled terms in state k to x [nterm].
-static void write_row(const energy_balance *b, int k, double *x) {
-    for (int a = 0; a < b->nterm; ++a) {
-        x[a] = rate_of(b, &b->term[a], k) / b->size[a];
-    }
-}
-
-// Fits one half of the states: 0 or 1.
-static bool fit(energy_balance *b, int half) {
+// Fits one half of the states, 0 or 1, and returns the fraction of the squared power of the other
+// half that the fit does not explain. The states are in the order of trajectories, which may be
+// sorted by their size; therefore the halves consist of blocks.
+static double fit(energy_balance *b, int half) {
     const int n = b->nterm, count = b->look->count;
-    double x[MOST_TERMS], *solution = b->solution[half];
-    memset(b->matrix, 0, (size_t)n * (size_t)n * sizeof *b->matrix);
-    for (int k = 0; k < count; ++k) {
-        if (half_of(b, k) != half) {
-            continue;
+    double rest = 0, square = 0;
+    b->equations = (pm_least_squares){.n = n};
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int k = 0; k < count; ++k) {
+            if ((int)((long)k * BLOCKS / count % 2) != (pass == 0 ? half : 1 - half)) {
+                continue;
+            }
+            const double power = power_of(b, k);
+            double x[MOST_TERMS], sum = power;
+            for (int a = 0; a < n; ++a) {
+                x[a] = rate_of(b, &b->term[a], k) / b->size[a];
+                sum += b->solution[half][a] * x[a];
+            }
+            if (pass == 0) {
+                pm_least_squares_add(&b->equations, x, -power);
+            } else {
+                rest += sum * sum;
+                square += power * power;
+            }
         }
-        const double power = power_of(b, k);
-        write_row(b, k, x);
-        pm_gram_add(1, n, x, b->matrix);
-        for (int a = 0; a < n; ++a) {
-            solution[a] -= x[a] * power;
+        if (pass == 0) {
+            (void)pm_least_squares_solve(&b->equations, b->solution[half]);
         }
-    }
-    for (int a = 0; a < n; ++a) {
-        b->matrix[a * n + a] = b->matrix[a * n + a] * (1 + RIDGE) + 1e-300;
-    }
-    return pm_cholesky_solve(n, b->matrix, solution);
-}
-
-// Returns the fraction of the squared power of the other half that the fit does not explain.
-static double unexplained(const energy_balance *b, int half) {
-    const int count = b->look->count;
-    double x[MOST_TERMS], rest = 0, square = 0;
-    for (int k = 0; k < count; ++k) {
-        if (half_of(b, k) == half) {
-            continue;
-        }
-        const double power = power_of(b, k);
-        double sum = power;
-        write_row(b, k, x);
-        for (int a = 0; a < b->nterm; ++a) {
-            sum += b->solution[half][a] * x[a];
-        }
-        rest += sum * sum;
-        square += power * power;
     }
     return square > 0 ? rest / square : 1;
-}
-
-// Returns the mean of dU/ds over all states, in K.
-static double mean_slope(const energy_balance *b, int half, int c) {
-    double sum = 0;
-    for (int a = 0; a < b->nterm; ++a) {
-        for (int k = 0; k < b->look->count; ++k) {
-            sum += b->solution[half][a] / b->size[a] * slope_of(b, &b->term[a], c, k);
-        }
-    }
-    return sum / b->look->count / b->deviation[c] / b->unit[c];
 }
 
 // Returns the geometric mean of two temperatures if they are positive and alike, else 0.
@@ -290,51 +227,57 @@ static double agree(double a, double b) {
     return a > 0 && b > 0 && fmax(a, b) < AGREE * fmin(a, b) ? sqrt(a * b) : 0;
 }
 
-// Writes the temperatures, of which the mean counts each by the entropy that moves.
-static void write_temperatures(const energy_balance *b, double *temperature) {
-    const int nz = b->look->scene->nz;
-    double sum[2] = {0}, weight = 0;
-    for (int c = 0; c < nz; ++c) {
-        double square = 0;
-        for (int k = 0; k < b->look->count; ++k) {
-            const double rate = b->look->rate[(ptrdiff_t)k * nz + c] * b->unit[c];
-            square += rate * rate;
-        }
-        weight += sqrt(square);
-        for (int half = 0; half < 2 && b->unit[c] > 0; ++half) {
-            b->slope[half * nz + c] = mean_slope(b, half, c);
-            sum[half] += sqrt(square) * b->slope[half * nz + c];
-        }
-    }
-    const double common = weight > 0 ? agree(sum[0] / weight, sum[1] / weight) : 0;
-    for (int c = 0; c < nz && common > 0; ++c) {
-        const double own = agree(b->slope[c], b->slope[nz + c]);
-        temperature[c] = b->unit[c] > 0 ? (own > 0 ? own : common) : 0;
-    }
-}
-
 void pm_look_temperatures(const pm_look *look, const pm_part_view *parts, double *temperature) {
     const pm_scene *scene = look->scene;
-    const size_t nz = (size_t)scene->nz;
+    const size_t nz = (size_t)scene->physics.nz;
     pm_arena arena = {0};
     energy_balance *b = pm_arena_array(&arena, 1, sizeof *b);
-    double *work = pm_arena_array(&arena, 5 * nz + MOST_TERMS * MOST_TERMS, sizeof *work);
+    double *work = pm_arena_array(&arena, 3 * nz, sizeof *work);
     memset(temperature, 0, nz * sizeof *temperature);
-    bool known = b != NULL && work != NULL && scene->nboundary_input == 0;
+    bool known = !arena.failed && scene->physics.nboundary_input == 0;
     if (known) {
-        *b = (energy_balance){.look = look, .parts = parts, .mean = work, .deviation = work + nz};
+        b->look = look;
+        b->parts = parts;
+        b->mean = work;
+        b->deviation = work + nz;
         b->unit = work + 2 * nz;
-        b->slope = work + 3 * nz;
-        b->matrix = work + 5 * nz;
     }
-    for (int i = 0; i < scene->nsubsystem && known; ++i) {
+    for (int i = 0; i < scene->physics.nsubsystem && known; ++i) {
         known = add_part(b, &parts[i]);
     }
     if (known && b->nterm > 0) {
         find_units(b);
-        if (fit(b, 0) && fit(b, 1) && fmax(unexplained(b, 0), unexplained(b, 1)) < UNEXPLAINED) {
-            write_temperatures(b, temperature);
+        known = fmax(fit(b, 0), fit(b, 1)) < UNEXPLAINED;
+    }
+    // The temperatures of both halves; their mean counts each by the entropy that moves.
+    double sum[2] = {0}, weight = 0;
+    for (size_t c = 0; c < nz && known && b->nterm > 0; ++c) {
+        double square = 0, slope[2] = {0};
+        for (int k = 0; k < look->count; ++k) {
+            const double rate = look->rate[(size_t)k * nz + c] * b->unit[c];
+            square += rate * rate;
         }
+        weight += sqrt(square);
+        for (int half = 0; half < 2 && b->unit[c] > 0; ++half) {
+            for (int a = 0; a < b->nterm; ++a) { // the mean of dU/ds over all states, in K
+                const term *u = &b->term[a];
+                double sum_of_term = 0;
+                for (int i = 0; i < u->degree && u->moved < 0; ++i) {
+                    for (int k = 0; k < look->count && u->component[i] == (int)c; ++k) {
+                        sum_of_term += product_of(b, u, i, k);
+                    }
+                }
+                slope[half] += b->solution[half][a] / b->size[a] * sum_of_term;
+            }
+            slope[half] /= look->count * b->deviation[c] * b->unit[c];
+            sum[half] += sqrt(square) * slope[half];
+        }
+        temperature[c] = agree(slope[0], slope[1]);
+    }
+    const double common = weight > 0 ? agree(sum[0] / weight, sum[1] / weight) : 0;
+    for (size_t c = 0; c < nz && known && b->nterm > 0; ++c) {
+        const double own = temperature[c] > 0 ? temperature[c] : common;
+        temperature[c] = common > 0 && b->unit[c] > 0 ? own : 0;
     }
     pm_arena_free(&arena);
 }

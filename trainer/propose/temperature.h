@@ -13,7 +13,7 @@
 #ifndef PM_TRAINER_PROPOSE_TEMPERATURE_H
 #define PM_TRAINER_PROPOSE_TEMPERATURE_H
 
-#include "propose/propose_view.h"
+#include "propose/view.h"
 
 // Writes the mean temperature of each component in J/K, in K, to temperature [nz of the scene], and
 // 0 elsewhere. A temperature counts if two halves of the data agree on it within a factor of two

@@ -85,25 +85,14 @@ static pm_status read_range(pm_yaml map, const char *key, pm_arena *arena, doubl
                               range[0], range[1]);
 }
 
-static pm_status read_initial(pm_yaml block, pm_arena *arena, gas_containers *gas) {
-    static const char *const keys[] = {"position", "momentum", "entropy", NULL};
-    pm_yaml initial;
-    PM_TRY(pm_yaml_require(block, "initial", &initial));
-    PM_TRY(pm_yaml_allow(initial, keys));
-    PM_TRY(read_range(initial, "position", arena, gas->position));
-    PM_TRY(read_range(initial, "momentum", arena, gas->momentum));
-    PM_TRY(read_range(initial, "entropy", arena, gas->entropy));
-    const double end = 2 * gas->half_length;
-    return gas->position[0] > 0 && gas->position[1] < end
-               ? PM_OK
-               : pm_yaml_fail(pm_yaml_get(initial, "position"),
-                              "expected both numbers in (0, %g) m, where the wall can be", end);
-}
-
-static pm_status read_system(pm_yaml block, pm_arena *arena, gas_containers *gas) {
+pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
     static const char *const keys[] = {"wall_mass", "area",         "half_length", "gas_constant",
                                        "c",         "conductivity", "initial",     NULL};
     const double tiny = 1e-12, huge = 1e12;
+    static const char *const of_initial[] = {"position", "momentum", "entropy", NULL};
+    pm_yaml initial;
+    gas_containers *gas = pm_arena_alloc(arena, sizeof *gas);
+    PM_TRY(pm_arena_status(arena, "two gas containers"));
     PM_TRY(pm_yaml_allow(block, keys));
     PM_TRY(pm_truth_number(block, "wall_mass", tiny, huge, &gas->wall_mass));
     PM_TRY(pm_truth_number(block, "area", tiny, huge, &gas->area));
@@ -111,21 +100,19 @@ static pm_status read_system(pm_yaml block, pm_arena *arena, gas_containers *gas
     PM_TRY(pm_truth_number(block, "gas_constant", tiny, huge, &gas->gas_constant));
     PM_TRY(pm_truth_number(block, "c", tiny, huge, &gas->c));
     PM_TRY(pm_truth_number(block, "conductivity", 0, huge, &gas->conductivity));
-    return read_initial(block, arena, gas);
-}
-
-pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
-    gas_containers *gas = pm_arena_alloc(arena, sizeof *gas);
-    if (gas == NULL) {
-        return pm_fail(PM_ENOMEM, "truth: out of memory");
+    PM_TRY(pm_yaml_require(block, "initial", &initial));
+    PM_TRY(pm_yaml_allow(initial, of_initial));
+    PM_TRY(read_range(initial, "position", arena, gas->position));
+    PM_TRY(read_range(initial, "momentum", arena, gas->momentum));
+    PM_TRY(read_range(initial, "entropy", arena, gas->entropy));
+    const double end = 2 * gas->half_length;
+    if (gas->position[0] <= 0 || gas->position[1] >= end) {
+        return pm_yaml_fail(pm_yaml_get(initial, "position"),
+                            "expected both numbers in (0, %g) m, where the wall can be", end);
     }
-    PM_TRY(read_system(block, arena, gas));
     model->parameters = pm_arena_printf(
         arena, "m %g kg, A %g m^2, L %g m, N kB %g J/K, c %g 1/(m^3 J^(3/2)), alpha %g W K",
         gas->wall_mass, gas->area, gas->half_length, gas->gas_constant, gas->c, gas->conductivity);
-    if (model->parameters == NULL) {
-        return pm_fail(PM_ENOMEM, "truth: out of memory");
-    }
     model->title = "Two gas containers exchanging heat and volume";
     model->ode = (pm_ode){.nz = NZ, .rate = rate, .data = gas};
     model->ncolumn = NZ;
@@ -136,5 +123,5 @@ pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model 
     model->conserved = conserved;
     model->conserve = conserve;
     model->entropy = entropy;
-    return PM_OK;
+    return pm_arena_status(arena, "the description of two gas containers");
 }

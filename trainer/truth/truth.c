@@ -7,12 +7,11 @@
 #include <string.h>
 
 static const pm_truth_simulator simulators[] = {
-    {"pendulum_chain", pm_pendulum_chain_read},
-    {"driven_link", pm_driven_link_read},
-    {"gas_containers", pm_gas_containers_read},
-    {"beam", pm_beam_read},
+    {"pendulum_chain", pm_pendulum_chain_read, NULL},
+    {"driven_link", pm_driven_link_read, NULL},
+    {"gas_containers", pm_gas_containers_read, NULL},
 };
-#define NSIMULATOR (sizeof simulators / sizeof *simulators)
+enum { NSIMULATOR = sizeof simulators / sizeof *simulators, MOST_SIMULATORS = 16 };
 
 // The tolerances are as small as double precision allows, because the close passes of the pendulum
 // amplify errors by a factor of ten thousand and more. The check takes other steps and has about
@@ -23,25 +22,13 @@ static const double absolute_per_relative = 0.1;
 
 static const char *const families[] = {"adams", "bdf", NULL}; // indexed by pm_ode_family
 
-static pm_status read_simulator(pm_truth *truth, pm_yaml root) {
-    const char *names[NSIMULATOR + 1] = {NULL};
-    for (size_t i = 0; i < NSIMULATOR; ++i) {
-        names[i] = simulators[i].name;
-    }
-    pm_yaml simulator, system;
-    int id = 0;
-    PM_TRY(pm_yaml_require(root, "simulator", &simulator));
-    PM_TRY(pm_yaml_choice(simulator, names, &id));
-    PM_TRY(pm_yaml_require(root, "system", &system));
-    return simulators[id].read(system, &truth->arena, &truth->model);
-}
-
-static pm_status read_root(pm_truth *truth, pm_yaml root) {
+static pm_status read_root(pm_truth *truth, pm_yaml root, const pm_truth_simulator *more) {
     static const char *const keys[] = {"simulator", "solver", "seed",   "trajectories",
                                        "states",    "dt",     "system", NULL};
     PM_TRY(pm_yaml_allow(root, keys));
-    pm_yaml seed, trajectories, states, dt;
-    int seed_value = 0, family = PM_ODE_ADAMS;
+    pm_yaml seed, trajectories, states, dt, simulator, system;
+    int seed_value = 0, family = PM_ODE_ADAMS, id = 0, count = NSIMULATOR;
+    const char *names[MOST_SIMULATORS + 1] = {NULL};
     if (pm_yaml_exists(pm_yaml_get(root, "solver"))) {
         PM_TRY(pm_yaml_choice(pm_yaml_get(root, "solver"), families, &family));
     }
@@ -55,10 +42,20 @@ static pm_status read_root(pm_truth *truth, pm_yaml root) {
     PM_TRY(pm_yaml_int(states, 2, 1000000, &truth->ntime));
     PM_TRY(pm_yaml_require(root, "dt", &dt));
     PM_TRY(pm_yaml_double(dt, 1e-9, 1e9, &truth->dt));
-    return read_simulator(truth, root);
+    for (int i = 0; i < NSIMULATOR; ++i) {
+        names[i] = simulators[i].name;
+    }
+    for (int i = 0; more != NULL && more[i].name != NULL && count < MOST_SIMULATORS; ++i) {
+        names[count++] = more[i].name;
+    }
+    PM_TRY(pm_yaml_require(root, "simulator", &simulator));
+    PM_TRY(pm_yaml_choice(simulator, names, &id));
+    PM_TRY(pm_yaml_require(root, "system", &system));
+    truth->simulator = id < NSIMULATOR ? &simulators[id] : &more[id - NSIMULATOR];
+    return truth->simulator->read(system, &truth->arena, &truth->model);
 }
 
-pm_status pm_truth_load(pm_truth **result, const char *path) {
+pm_status pm_truth_load(pm_truth **result, const char *path, const pm_truth_simulator *more) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
     pm_status status = PM_OK;
@@ -68,7 +65,7 @@ pm_status pm_truth_load(pm_truth **result, const char *path) {
     }
     PM_TRY_DONE(pm_yaml_open(&document, path, &root));
     truth->model.path = path;
-    PM_TRY_DONE(read_root(truth, root));
+    PM_TRY_DONE(read_root(truth, root, more));
     truth->model.path = NULL; // the caller owns it
     *result = truth;
     truth = NULL;
@@ -108,57 +105,41 @@ void pm_truth_report_init(pm_truth_report *report) {
     report->entropy_step = INFINITY;
 }
 
-// Returns the largest |z - check| of a column over its root mean square, which counts as 1 if it is
-// zero.
-static double column_difference(int nz, int ntime, const double *z, const double *check) {
-    double worst = 0, square = 0;
-    for (int i = 0; i < ntime; ++i) {
-        const double value = z[(size_t)i * (size_t)nz];
-        worst = fmax(worst, fabs(value - check[(size_t)i * (size_t)nz]));
-        square += value * value;
-    }
-    return square > 0 ? worst / sqrt(square / ntime) : worst;
-}
-
 double pm_truth_difference(const pm_truth *truth, const double *z, const double *check) {
-    const int nz = truth->model.ode.nz;
+    const size_t nz = (size_t)truth->model.ode.nz;
     double worst = 0;
-    for (int j = 0; j < nz; ++j) {
-        worst = fmax(worst, column_difference(nz, truth->ntime, z + j, check + j));
+    for (size_t j = 0; j < nz; ++j) {
+        double largest = 0, square = 0; // of the column
+        for (int i = 0; i < truth->ntime; ++i) {
+            const double value = z[(size_t)i * nz + j];
+            largest = fmax(largest, fabs(value - check[(size_t)i * nz + j]));
+            square += value * value;
+        }
+        worst = fmax(worst, square > 0 ? largest / sqrt(square / truth->ntime) : largest);
     }
     return worst;
 }
 
-static void add_conserved(pm_truth_report *report, const pm_truth *truth, const double *z) {
+void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const double *z) {
     const pm_truth_model *model = &truth->model;
+    const void *data = model->ode.data;
     double start[PM_TRUTH_MAX_CONSERVED], value[PM_TRUTH_MAX_CONSERVED];
-    model->conserve(model->ode.data, z, start);
+    const double first = model->entropy == NULL ? 0 : model->entropy(data, z);
+    double before = first;
+    ++report->ntrajectory;
+    model->conserve(data, z, start);
     for (int i = 0; i < truth->ntime; ++i) {
-        model->conserve(model->ode.data, z + (size_t)i * (size_t)model->ode.nz, value);
+        const double *now = z + (size_t)i * (size_t)model->ode.nz;
+        model->conserve(data, now, value);
         for (int k = 0; k < model->nconserved; ++k) {
             report->drift[k] = fmax(report->drift[k], fabs(value[k] - start[k]));
             report->magnitude[k] = fmax(report->magnitude[k], fabs(value[k]));
         }
+        if (i > 0 && model->entropy != NULL) {
+            const double entropy = model->entropy(data, now);
+            report->entropy_step = fmin(report->entropy_step, entropy - before);
+            before = entropy;
+        }
     }
-}
-
-static void add_entropy(pm_truth_report *report, const pm_truth *truth, const double *z) {
-    const pm_truth_model *model = &truth->model;
-    const double start = model->entropy(model->ode.data, z);
-    double before = start;
-    for (int i = 1; i < truth->ntime; ++i) {
-        const double now = model->entropy(model->ode.data, z + (size_t)i * (size_t)model->ode.nz);
-        report->entropy_step = fmin(report->entropy_step, now - before);
-        before = now;
-    }
-    const int n = report->ntrajectory;
-    report->entropy_rise += (before - start - report->entropy_rise) / n;
-}
-
-void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const double *z) {
-    ++report->ntrajectory;
-    add_conserved(report, truth, z);
-    if (truth->model.entropy != NULL) {
-        add_entropy(report, truth, z);
-    }
+    report->entropy_rise += (before - first - report->entropy_rise) / report->ntrajectory;
 }

@@ -1,43 +1,25 @@
 // Ground truth. A configuration names a simulator, its parameters and the number of trajectories to
 // draw. A simulator is one file with a function that reads its part of the configuration, and one
-// line in the table of truth.c. Simulators share no code with the models that are trained on their
-// output, so that a mistake in a model cannot hide.
+// line in a table: that of truth.c, or one that the caller adds. Simulators share no code with the
+// models that are trained on their output, so that a mistake in a model cannot hide.
 #ifndef PM_TRAINER_TRUTH_TRUTH_H
 #define PM_TRAINER_TRUTH_TRUTH_H
 
+#include <signal.h>
 #include <stdint.h>
 
 #include "base/arena.h"
 #include "base/rng.h"
-#include "store/field.h"
 #include "store/yaml.h"
 #include "truth/ode.h"
 
 #define PM_TRUTH_MAX_CONSERVED 4
 
-// A simulator of bodies with fields on a mesh, in place of an ODE. Its functions get ode.data of
-// the model as `data`.
-typedef struct pm_truth_body {
-    int nbody;
-    const char *const *name;        // [nbody]; NULL: one body without a name
-    const char *const *placement;   // [nbody] as text (store/placement.h); NULL: the global frame
-    int nnode, nelement, nvariable; // of each body
-    const char *variable;           // names of a node's variables, separated by blanks
-    // Fills in the mesh of a body's field, in the body's own frame.
-    void (*describe)(const void *data, int body, pm_field *field);
-    // Simulates trajectory `trajectory` of this seed and writes it into row `row` of the fields
-    // field [nbody], each in its body's own frame. PM_ECONFIG (there is no such trajectory),
-    // PM_ENUMERIC, PM_ENOMEM.
-    pm_status (*run)(const void *data, uint64_t seed, int trajectory, pm_field *const *field,
-                     int row);
-} pm_truth_body;
-
 // The model that a simulator makes of its configuration. Everything lives in the configuration's
-// arena. For bodies only ode.data, title, units and parameters have a meaning besides `body`.
+// arena. A simulator that writes its own files uses ode.data, title, units and parameters alone.
 typedef struct pm_truth_model {
     const char *path; // of the truth file, known before the simulator reads its block
     pm_ode ode;
-    const pm_truth_body *body; // NULL: the model is an ODE
     const char *title;
     int ncolumn; // the first ncolumn components of the state become columns of the dataset
     const char *const *column; // [ncolumn]
@@ -53,10 +35,16 @@ typedef struct pm_truth_model {
     double (*entropy)(const void *data, const double *z);
 } pm_truth_model;
 
+struct pm_truth;
 typedef struct pm_truth_simulator {
     const char *name;
     // Reads the configuration's `system:` block. PM_ECONFIG, PM_ENOMEM.
     pm_status (*read)(pm_yaml block, pm_arena *arena, pm_truth_model *model);
+    // Simulates `count` trajectories from number `first` on, prints how good they are, and writes
+    // them to `path`. `command` is the command line, for the notes. PM_EINTERRUPTED if *stop
+    // becomes non-zero, PM_ECONFIG, PM_ENUMERIC, PM_EFILE, PM_ENOMEM. NULL: the model is an ODE.
+    pm_status (*write)(const struct pm_truth *truth, int first, int count, const char *command,
+                       const char *path, const volatile sig_atomic_t *stop);
 } pm_truth_simulator;
 
 typedef struct pm_truth {
@@ -65,12 +53,14 @@ typedef struct pm_truth {
     int ntrajectory, ntime;
     double dt; // s
     pm_ode_family family;
+    const pm_truth_simulator *simulator;
     pm_truth_model model;
 } pm_truth;
 
-// Reads the truth file (TRUTH.md) at `path`. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The caller frees the
-// result with pm_truth_free.
-pm_status pm_truth_load(pm_truth **truth, const char *path);
+// Reads the truth file (TRUTH.md) at `path`. Its simulator is one of this folder or of the table
+// `more`, whose last row has no name; NULL: there are no more. PM_EFILE, PM_ECONFIG, PM_ENOMEM. The
+// caller frees the result with pm_truth_free.
+pm_status pm_truth_load(pm_truth **truth, const char *path, const pm_truth_simulator *more);
 void pm_truth_free(pm_truth *truth); // NULL is allowed
 
 // Solves the ODE for trajectory number `trajectory` and writes the solution to z [ntime][nz].
@@ -100,10 +90,8 @@ void pm_truth_report_add(pm_truth_report *report, const pm_truth *truth, const d
 
 // A chain of thermoelastic pendula (chain.h).
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
-// One thermoelastic link with a driven pivot, a force on its mass and a heat bath (driven_link.c).
+// One thermoelastic link with a driven pivot, a force on its mass and a heat bath (chain.c).
 pm_status pm_driven_link_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
-// Clamped beams of viscoelastic rubber under loads and in contact (beam_solve.h).
-pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 // Two gases that exchange heat and volume through a moving wall (gas_containers.c).
 pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model);
 

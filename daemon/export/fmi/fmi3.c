@@ -295,13 +295,6 @@ fmi3Status fmi3SetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n
     return fmi3OK;
 }
 
-// Returns the entries of a direction that belong to a state or an input; NULL: to neither.
-static double *entry_of(fmi3ValueReference r, double *dz, double *du) {
-    return r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE)
-           : r >= FIRST_INPUT && r < FIRST_ENERGY   ? du + (r - FIRST_INPUT)
-                                                    : NULL;
-}
-
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
                                         size_t nunknown, const fmi3ValueReference known[],
                                         size_t nknown, const fmi3Float64 seed[], size_t nseed,
@@ -312,7 +305,10 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference
         return refuse(i, "fmi3GetDirectionalDerivative: every variable has one value");
     }
     for (size_t k = 0; k < nknown; ++k) {
-        double *entry = entry_of(known[k], dz, du);
+        const fmi3ValueReference r = known[k];
+        double *entry = r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE)
+                        : r >= FIRST_INPUT && r < FIRST_ENERGY   ? du + (r - FIRST_INPUT)
+                                                                 : NULL;
         if (entry == NULL) {
             return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
         }

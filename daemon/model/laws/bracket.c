@@ -31,20 +31,18 @@ static pm_operator irreversible(const pm_port_model *port) {
                          "irreversible"};
 }
 
-static pm_status check_spec(const pm_port_spec *spec) {
+static pm_status declare(pm_port_model *port) {
+    const pm_port_spec *spec = &port->spec;
     if (spec->form == PM_FREE) {
-        return pm_fail(PM_ECONFIG, "law bracket cannot be free: it has a structure; use law "
-                                   "exchange");
+        return pm_spec_locate(spec->at,
+                              pm_fail(PM_ECONFIG, "law bracket cannot be free: it has a structure; "
+                                                  "use law exchange"));
     }
     if (pm_potential_exists(&spec->energy) || pm_potential_exists(&spec->entropy)) {
-        return pm_fail(PM_ECONFIG, "a bracket port stores no energy: energy and entropy belong to "
-                                   "law exchange, or into the subsystems");
+        return pm_spec_locate(
+            spec->at, pm_fail(PM_ECONFIG, "a bracket port stores no energy: energy and entropy "
+                                          "belong to law exchange, or into the subsystems"));
     }
-    return PM_OK;
-}
-
-static pm_status declare(pm_port_model *port) {
-    PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
     static const pm_port_nodes none[2] = {{PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE},
                                           {PM_NO_NODE, PM_NO_NODE, PM_NO_NODE, PM_NO_NODE}};
     const pm_site site = site_of(port, NULL, none);

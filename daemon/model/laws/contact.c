@@ -14,15 +14,6 @@
 
 #define MOST_NUMBERS 10000000 // of a matrix: 80 MB
 
-static pm_status check_spec(const pm_port_spec *spec) {
-    if (spec->form != PM_HARD || pm_potential_exists(&spec->energy) ||
-        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
-        pm_operator_exists(&spec->irreversible)) {
-        return pm_fail(PM_ECONFIG, "law contact is hard, and has a matrix and nothing else");
-    }
-    return PM_OK;
-}
-
 static pm_status check_matrix(const pm_port_model *port, int rows, int cols) {
     const pm_matrix_spec *matrix = &port->spec.matrix;
     if (matrix->identity && rows != cols) {
@@ -47,7 +38,14 @@ static pm_status check_matrix(const pm_port_model *port, int rows, int cols) {
 static pm_status declare(pm_port_model *port) {
     const pm_matrix_spec *matrix = &port->spec.matrix;
     const int rows = port->layout[PM_END_B].nz, cols = port->layout[PM_END_A].nz;
-    PM_TRY(pm_spec_locate(port->spec.at, check_spec(&port->spec)));
+    const pm_port_spec *spec = &port->spec;
+    if (spec->form != PM_HARD || pm_potential_exists(&spec->energy) ||
+        pm_potential_exists(&spec->entropy) || pm_operator_exists(&spec->reversible) ||
+        pm_operator_exists(&spec->irreversible)) {
+        return pm_spec_locate(
+            spec->at,
+            pm_fail(PM_ECONFIG, "law contact is hard, and has a matrix and nothing else"));
+    }
     PM_TRY(pm_spec_locate(matrix->at, check_matrix(port, rows, cols)));
     if (matrix->identity) {
         return PM_OK;
@@ -83,6 +81,9 @@ const pm_port_law pm_law_contact = {
     .name = "contact",
     .conservative = true,
     .separate = true,
+    .has_matrix = true,
+    .has_no_operators = true,
+    .joins_gaps = true,
     .declare = declare,
     .rate = rate,
     .visit = visit,

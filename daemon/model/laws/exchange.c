@@ -130,6 +130,7 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
 
 const pm_port_law pm_law_exchange = {
     .name = "exchange",
+    .has_ends = true,
     .declare = declare,
     .rate = rate,
     .visit = visit,

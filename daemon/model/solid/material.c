@@ -205,15 +205,6 @@ double pm_solid_branch_modulus(const pm_solid_branch *branch, double h) {
     return 4 * stiffness_at_rest(&branch->energy) * pm_solid_branch_relaxation(branch, h).mean;
 }
 
-// Returns true if A = 1 + inner is positive definite, without which M would not be positive.
-static bool is_positive(const double *inner) {
-    const double A[PM_SYM] = {1 + inner[0], 1 + inner[1], 1 + inner[2],
-                              inner[3],     inner[4],     inner[5]};
-    const double minor = A[0] * A[1] - A[3] * A[3];
-    return A[0] > 0 && minor > 0 &&
-           A[2] * minor - A[0] * A[5] * A[5] - A[1] * A[4] * A[4] + 2 * A[3] * A[4] * A[5] > 0;
-}
-
 double pm_solid_branch_lose(const pm_solid_branch *branch, const pm_solid_change *change,
                             double first, const double *before, double *after, double energy[3]) {
     energy[2] = pm_solid_branch_energy(branch, change->Cbar[1], change->inverse[1], before, NULL);
@@ -223,7 +214,13 @@ double pm_solid_branch_lose(const pm_solid_branch *branch, const pm_solid_change
                 pm_solid_branch_energy(branch, change->Cbar[j], change->inverse[j], after, NULL);
         }
         const double lost = (first - energy[0] + energy[2] - energy[1]) / 2;
-        if (lost >= 0 && lost < INFINITY && is_positive(after)) {
+        // A = 1 + inner must be positive definite, without which M would not be positive.
+        const double A[PM_SYM] = {1 + after[0], 1 + after[1], 1 + after[2],
+                                  after[3],     after[4],     after[5]};
+        const double minor = A[0] * A[1] - A[3] * A[3];
+        const double whole =
+            A[2] * minor - A[0] * A[5] * A[5] - A[1] * A[4] * A[4] + 2 * A[3] * A[4] * A[5];
+        if (lost >= 0 && lost < INFINITY && A[0] > 0 && minor > 0 && whole > 0) {
             return lost;
         }
         for (int i = 0; i < PM_SYM; ++i) {

@@ -83,7 +83,8 @@ double pm_solid_spring(const pm_solid_material *material, const double *Cbar, do
 // derivatives.
 double pm_solid_volume(const pm_solid_material *material, double J, double *pressure,
                        double *modulus);
-// Does for a branch what pm_solid_spring does for the spring. `inner` is A - 1.
+// Returns the energy of a branch, J/m^3, and adds d psi/d Cbar to T [PM_SYM] unless T is NULL.
+// `inner` is A - 1.
 double pm_solid_branch_energy(const pm_solid_branch *branch, const double *Cbar,
                               const double *inverse, const double *inner, double *T);
 // Returns the modulus of a branch at rest under a change of shape that takes h s, J/m^3.

@@ -44,7 +44,8 @@ const double *pm_solid_displacement(const pm_solid *s);
 const double *pm_solid_inner(const pm_solid *s);
 int pm_solid_ninner(const pm_solid *s); // the number of inner variables
 bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner);
-// Does the same, but keeps the factor of the stiffness, which may belong to another state.
+// Copies both as pm_solid_set_state does, but keeps the factor of the stiffness, which may belong
+// to another state.
 bool pm_solid_return(pm_solid *s, const double *u, const double *inner);
 // Puts what the next step needs besides the state into the record: the state in which the stiffness
 // was factorised. Restoring factorises it again.

@@ -1,19 +1,18 @@
 // The parts of a body of learned material. Only the files that implement solid.h include this
 // header:
-//     solid.c           opens a body, sets and moves its state
-//     solid_lanes.h     the learned functions at all points of an element at once
-//     solid_element.c   evaluates all elements: forces, energies, stresses
-//     solid_stiffness.c numbers the free components and factorises the stiffness
-//     solid_step.c      finds the balance of forces
+//     solid.c           a body: its state, its stiffness, and the balance of forces
+//     solid_element.c   its elements: forces, energies, stresses
 #ifndef PM_MODEL_SOLID_SOLID_PARTS_H
 #define PM_MODEL_SOLID_SOLID_PARTS_H
 
+#include <string.h>
+
 #include "model/solid/solid.h"
 
-// The pairs of displacements and forces of which the balance keeps at most so many (solid_step.c).
+// The pairs of displacements and forces of which the balance keeps at most so many.
 #define PM_SOLID_PAIRS 12
 
-// The number of displacements that the prediction of the next ones uses (solid_step.c).
+// The number of displacements that the prediction of the next ones uses.
 #define PM_SOLID_PAST 3
 
 // An iteration ends when a move is shorter than this share of the largest displacement.
@@ -69,9 +68,11 @@ bool pm_solid_finish(pm_solid *s, double h, pm_solid_books *sum);
 // turned inside out.
 bool pm_solid_begin(pm_solid *s, const double *u, const double *inner, double *stored);
 // Copies the displacements of an element's nodes to x [PM_BRICK_NODES][3].
-void pm_solid_gather(const pm_solid *s, int element, const double *u, double *x);
-// Numbers the free components so that the band is narrow, and makes the memory of the stiffness.
-// PM_ECONFIG: no node is free. PM_ENOMEM.
-pm_status pm_solid_number(pm_solid *s);
+static inline void pm_solid_gather(const pm_solid *s, int element, const double *u, double *x) {
+    const int *node = s->mesh->brick + (ptrdiff_t)element * PM_BRICK_NODES;
+    for (int n = 0; n < PM_BRICK_NODES; ++n) {
+        memcpy(x + 3 * n, u + 3 * (ptrdiff_t)node[n], 3 * sizeof *x);
+    }
+}
 
 #endif

@@ -146,7 +146,7 @@ static pm_status simulate(bench *b) {
         if (i == STUDY_TRAINING) {
             b->training_data = made.data;
         } else {
-            PM_TRY(pm_truth_load(&b->truth[i].physics, made.config));
+            PM_TRY(pm_truth_load(&b->truth[i].physics, made.config, NULL));
             PM_TRY(pm_dataset_load(&b->truth[i].dataset, made.data));
         }
     }

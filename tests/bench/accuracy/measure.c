@@ -1,4 +1,4 @@
-// Computes rollouts with evaluate/evaluate.h, one-step residuals with learn/objective.h, and
+// Computes rollouts with evaluate/evaluate.h, one-step residuals with loss/objective.h, and
 // energy, momentum and entropy with the simulator.
 #include "measure.h"
 
@@ -7,7 +7,7 @@
 
 #include "evaluate/evaluate.h"
 #include "evaluate/evaluate_plot.h"
-#include "learn/training.h"
+#include "fit/training.h"
 #include "sim/score.h"
 
 #define THREADS 2
@@ -125,8 +125,9 @@ static pm_status measure_rollouts(const pm_evaluation *e, const pm_truth *truth,
 // The residuals that every training of the scene would best have made small, whatever it did.
 static pm_status measure_step(pm_system *system, const pm_dataset *dataset, study_score *score) {
     const pm_scene *scene = system->scene;
-    const pm_loss loss = {
-        .residual = PM_RESIDUAL_STEP, .integrator = scene->integrator, .substeps = scene->substeps};
+    const pm_loss loss = {.residual = PM_RESIDUAL_STEP,
+                          .integrator = scene->physics.integrator,
+                          .substeps = scene->physics.substeps};
     pm_samples samples = {.count = 0};
     pm_objective *objective = NULL;
     double *gradient = NULL;

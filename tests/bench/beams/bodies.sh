@@ -12,7 +12,7 @@ root=$(cd "$(dirname "$0")/../../.." && pwd)
 out=$1
 weights=${2:-$root/configs/weights/solid_beam/material.h5}
 train=${PORTMET_TRAIN:-$root/build/trainer/portmet-train}
-mesh=${PORTMET_MESH:-$root/build/trainer/portmet-mesh}
+mesh=${PORTMET_MESH:-$root/build/trainer/bodies/portmet-mesh}
 export OPENBLAS_NUM_THREADS=1
 mkdir -p "$out"
 : >"$out/bodies"

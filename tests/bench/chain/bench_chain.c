@@ -35,14 +35,14 @@ typedef struct bench {
 
 static pm_status open_bench(bench *b, char **argv, int argc) {
     PM_TRY(pm_scene_load(&b->scene, argv[1]));
-    b->scene->substeps = atoi(argv[3]);
-    b->scene->tolerance = argc > 4 ? atof(argv[4]) : 0;
+    b->scene->physics.substeps = atoi(argv[3]);
+    b->scene->physics.tolerance = argc > 4 ? atof(argv[4]) : 0;
     PM_TRY(pm_system_load(&b->system, b->scene, NULL));
     PM_TRY(pm_dataset_load(&b->truth, argv[2]));
-    const size_t n = (size_t)b->scene->nsubsystem, count = (size_t)b->truth->ntrajectory;
+    const size_t n = (size_t)b->scene->physics.nsubsystem, count = (size_t)b->truth->ntrajectory;
     bool made = true;
     for (int i = 0; i < 2; ++i) {
-        made = (b->z[i] = calloc((size_t)b->scene->nz, sizeof(double))) != NULL && made;
+        made = (b->z[i] = calloc((size_t)b->scene->physics.nz, sizeof(double))) != NULL && made;
     }
     for (int g = 0; g < GROUPS; ++g) {
         made = (b->error[g] = calloc(n * count, sizeof(double))) != NULL && made;
@@ -74,7 +74,7 @@ static void close_bench(bench *b) {
 // Adds the squares of one state to the sums of each link, whose components are q[2] p[2] s.
 static void add_state(bench *b) {
     static const int begin[GROUPS + 1] = {0, 2, 4, 5};
-    for (int k = 0; k < b->scene->nsubsystem; ++k) {
+    for (int k = 0; k < b->scene->physics.nsubsystem; ++k) {
         for (int g = 0; g < GROUPS; ++g) {
             sums *s = &b->link[k * GROUPS + g];
             for (int i = begin[g]; i < begin[g + 1]; ++i) {
@@ -88,7 +88,7 @@ static void add_state(bench *b) {
 
 static double total_entropy(const bench *b, const double *z) {
     double entropy = 0;
-    for (int k = 0; k < b->scene->nsubsystem; ++k) {
+    for (int k = 0; k < b->scene->physics.nsubsystem; ++k) {
         entropy += z[5 * k + 4];
     }
     return entropy;
@@ -96,7 +96,7 @@ static double total_entropy(const bench *b, const double *z) {
 
 static void measure_trajectory(bench *b, int trajectory) {
     const pm_columns *columns = &b->evaluation->columns;
-    const int n = b->scene->nsubsystem, ntime = b->truth->ntime;
+    const int n = b->scene->physics.nsubsystem, ntime = b->truth->ntime;
     double entropy[2][2]; // predicted and true, at the start and at the end
     memset(b->link, 0, (size_t)n * GROUPS * sizeof *b->link);
     for (int j = 0; j < ntime; ++j) {
@@ -123,12 +123,12 @@ static void measure_trajectory(bench *b, int trajectory) {
 }
 
 static void print_row(bench *b) {
-    const int n = b->scene->nsubsystem, count = b->truth->ntrajectory;
+    const int n = b->scene->physics.nsubsystem, count = b->truth->ntrajectory;
     double drift = 0;
     for (int i = 0; i < count; ++i) {
         drift = fmax(drift, b->evaluation->rollout[i].ledger.energy_drift);
     }
-    printf("%5d %4d %4d", n, count, b->scene->substeps);
+    printf("%5d %4d %4d", n, count, b->scene->physics.substeps);
     for (int g = 0; g < GROUPS; ++g) {
         const pm_box box = pm_box_of(n * count, b->error[g]);
         printf("  %.1e %.1e %.1e %.1e", 100 * box.median, 100 * box.third_quartile, 100 * box.mean,

@@ -166,7 +166,7 @@ static pm_status run(bench *b, pm_monolithic *m, row *r) {
     PM_TRY(pm_ledger_book(&ledger, (pm_sample *)pm_monolithic_sample(m)));
     r->seconds = r->rates = 0;
     for (int i = 0; i < STEPS; ++i) {
-        r->rates += pm_monolithic_substeps(m) * b->scene->integrator->nstage;
+        r->rates += pm_monolithic_substeps(m) * b->scene->physics.integrator->nstage;
         const double before = bench_clock();
         PM_TRY(pm_monolithic_step(m));
         r->seconds += bench_clock() - before;
@@ -197,10 +197,10 @@ static bool measure_run(bench *b, const char *method, row *r) {
 
 static void measure_fixed(bench *b, const char *method, int most) {
     row r = {.seconds = 0};
-    b->scene->integrator = pm_integrator_find(method);
-    b->scene->tolerance = 0;
+    b->scene->physics.integrator = pm_integrator_find(method);
+    b->scene->physics.tolerance = 0;
     for (int substeps = 1, go_on = 1; go_on && substeps <= most; substeps *= 2) {
-        b->scene->substeps = substeps;
+        b->scene->physics.substeps = substeps;
         r.parameter = substeps;
         go_on = measure_run(b, method, &r);
     }
@@ -210,14 +210,14 @@ static void measure_adaptive(bench *b, const char *method, int substeps) {
     row r = {.seconds = 0};
     char name[64];
     snprintf(name, sizeof name, "%s_adaptive", method);
-    b->scene->integrator = pm_integrator_find(method);
-    b->scene->substeps = substeps;
+    b->scene->physics.integrator = pm_integrator_find(method);
+    b->scene->physics.substeps = substeps;
     bool go_on = true;
     for (double tolerance = 1e-2; go_on && tolerance > 5e-8; tolerance /= 10) {
-        b->scene->tolerance = r.parameter = tolerance;
+        b->scene->physics.tolerance = r.parameter = tolerance;
         go_on = measure_run(b, name, &r);
     }
-    b->scene->tolerance = 0;
+    b->scene->physics.tolerance = 0;
 }
 
 // --- systems ---

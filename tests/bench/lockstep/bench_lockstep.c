@@ -66,17 +66,17 @@ static pm_status load_file(const bench_case *c, pm_scene **scene, pm_system **sy
     pm_columns columns;
     pm_status status;
     PM_TRY(pm_scene_load(scene, c->scene));
-    (*scene)->window = c->window;
+    (*scene)->network.window = c->window;
     PM_TRY(pm_system_load(system, *scene, NULL));
-    PM_TRY(pm_dataset_load(&reference, (*scene)->reference));
+    PM_TRY(pm_dataset_load(&reference, (*scene)->run.reference));
     PM_TRY_DONE(pm_columns_bind(&columns, *scene, reference, &(*scene)->arena));
-    *z = pm_arena_array(&(*scene)->arena, (size_t)(*scene)->nz, sizeof **z);
+    *z = pm_arena_array(&(*scene)->arena, (size_t)(*scene)->physics.nz, sizeof **z);
     if (*z == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a state");
         goto done;
     }
-    pm_columns_to_state(&columns, pm_dataset_state(reference, (*scene)->reference_trajectory, 0),
-                        *z);
+    pm_columns_to_state(&columns,
+                        pm_dataset_state(reference, (*scene)->run.reference_trajectory, 0), *z);
 done:
     pm_dataset_free(reference);
     return status;
@@ -97,7 +97,7 @@ static pm_status run_scene(const bench_case *c, cost *result) {
     pm_status status;
     PM_TRY_DONE(c->is_file ? load_file(c, &scene, &system, &z) : lattice_make(&scene, &system, &l));
     if (c->way == IN_PROCESS) {
-        PM_TRY_DONE(pm_scene_join_processes(scene));
+        PM_TRY_DONE(pm_scene_merge_processes(scene));
     }
     status = coupled_run(system, urls[c->way], z, steps_of(c), result);
 done:

@@ -9,8 +9,11 @@
 #include <unistd.h>
 
 #include "base/progress.h"
-#include "lockstep/lockstep.h"
+#include "lockstep/coordinator.h"
 #include "lockstep/lookahead.h"
+#include "lockstep/node.h"
+#include "tests/support/memory_hub.h"
+#include "tests/support/together.h"
 
 #define PROCESSES_MAX 64
 #define WARM 16 // steps
@@ -63,11 +66,11 @@ static pm_status run_in_process(const pm_system *system, const double *z, watch 
     pm_lockstep_coordinator *coordinator = NULL;
     pm_status status;
     PM_TRY_DONE(pm_hub_open(&hub, NULL));
-    PM_TRY_DONE(pm_transport_open(&transport[0], "memory://", hub));
-    PM_TRY_DONE(pm_transport_open(&transport[1], "memory://", hub));
+    PM_TRY_DONE(pm_hub_connect(hub, &transport[0]));
+    PM_TRY_DONE(pm_hub_connect(hub, &transport[1]));
     PM_TRY_DONE(pm_lockstep_node_open(&node, system, 0, transport[0], &node_options));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, system, transport[1], &options));
-    status = pm_lockstep_run_together(coordinator, 1, &node, NULL);
+    status = run_together(coordinator, 1, &node, NULL);
 done:
     pm_lockstep_coordinator_close(coordinator);
     pm_lockstep_node_close(node);
@@ -85,12 +88,12 @@ static int serve(const pm_system *system, int process_id, const double *z, const
     pm_lockstep_node *node = NULL;
     pm_status status;
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    PM_TRY_DONE(pm_transport_open(&transport, url, NULL));
+    PM_TRY_DONE(pm_transport_open(&transport, url));
     PM_TRY_DONE(pm_lockstep_node_open(&node, system, process_id, transport, &options));
     status = pm_lockstep_run_node(node, NULL);
 done:
     if (status != PM_OK) {
-        fprintf(stderr, "%s: %s\n", system->scene->process[process_id].name, pm_error());
+        fprintf(stderr, "%s: %s\n", system->scene->network.process[process_id].name, pm_error());
     }
     return (int)status;
 }
@@ -103,7 +106,7 @@ static pm_status run_processes(const pm_system *system, const char *url, const d
     pm_lockstep_coordinator *coordinator = NULL;
     pm_status status = PM_OK;
     fflush(stdout);
-    for (; w->npid < system->scene->nprocess; ++w->npid) {
+    for (; w->npid < system->scene->network.nprocess; ++w->npid) {
         w->pid[w->npid] = fork();
         if (w->pid[w->npid] == 0) {
             _exit(serve(system, w->npid, z, url, options.session));
@@ -113,7 +116,7 @@ static pm_status run_processes(const pm_system *system, const char *url, const d
             goto done;
         }
     }
-    PM_TRY_DONE(pm_transport_open(&transport, url, NULL));
+    PM_TRY_DONE(pm_transport_open(&transport, url));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, system, transport, &options));
     status = pm_lockstep_run_coordinator(coordinator, NULL);
 done:
@@ -132,9 +135,9 @@ pm_status coupled_run(const pm_system *system, const char *url, const double *z,
                       cost *result) {
     static watch w; // too large for the stack
     w = (watch){.steps = steps};
-    if (steps > COUPLED_STEPS_MAX || system->scene->nprocess > PROCESSES_MAX) {
+    if (steps > COUPLED_STEPS_MAX || system->scene->network.nprocess > PROCESSES_MAX) {
         return pm_fail(PM_EUSAGE, "%d steps in %d processes: at most %d and %d", steps,
-                       system->scene->nprocess, COUPLED_STEPS_MAX, PROCESSES_MAX);
+                       system->scene->network.nprocess, COUPLED_STEPS_MAX, PROCESSES_MAX);
     }
     PM_TRY(url == NULL ? run_in_process(system, z, &w) : run_processes(system, url, z, &w));
     // Steps are observed in as many at once as are reported together.

@@ -65,13 +65,13 @@ static pm_status make_models(pm_system *system, const lattice *l) {
     pm_rng_init(&rng, 1, 0);
     PM_TRY_DONE(pm_yaml_parse(&part_document, l->part, "lattice", &part_block));
     PM_TRY_DONE(pm_yaml_parse(&port_document, l->port, "lattice", &port_block));
-    for (int i = 0; i < system->scene->nsubsystem; ++i) {
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
         pm_part *part = system->part[i];
         PM_TRY_DONE(pm_part_spec_read(part_block, (pm_yaml){0}, &system->arena, &part->spec));
         PM_TRY_DONE(pm_part_declare(part));
         draw_weights(&part->params, &rng);
     }
-    for (int i = 0; i < system->scene->nport; ++i) {
+    for (int i = 0; i < system->scene->physics.nport; ++i) {
         pm_port_model *port = system->port[i];
         PM_TRY_DONE(pm_port_spec_read(port_block, (pm_yaml){0}, &system->arena, &port->spec));
         PM_TRY_DONE(pm_port_declare(port));

@@ -86,7 +86,7 @@ static bool open_lcm(member *m, const char *url) {
 }
 
 static bool open_transport(member *m, const char *url) {
-    if (pm_transport_open(&m->transport, url, NULL) != PM_OK) {
+    if (pm_transport_open(&m->transport, url) != PM_OK) {
         return false;
     }
     for (int i = 0; i < 2; ++i) {

@@ -8,7 +8,7 @@
 
 typedef enum ring_kind {
     RING_LCM,  // messages of 72 bytes, liblcm alone
-    RING_OWN,  // published by liblcm, received by transport/receiver.h
+    RING_OWN,  // published by liblcm, received by transport/transport_lcm.c
     RING_FUTEX // counters in shared memory
 } ring_kind;
 

@@ -12,8 +12,8 @@
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "bench.h"
-#include "learn/normalization.h"
-#include "learn/training.h"
+#include "fit/normalization.h"
+#include "fit/training.h"
 #include "simulate.h"
 
 #define TRAJECTORIES 48

@@ -102,9 +102,9 @@ static pm_box box_of_errors(const pm_evaluation *e, const pm_dataset *truth) {
 
 static pm_status roll_out(const bench *b, const char *method, int substeps, pm_evaluation **e) {
     const pm_evaluate_how how = {.threads = 1};
-    b->scene->integrator = pm_integrator_find(method);
-    b->scene->substeps = substeps;
-    b->scene->tolerance = b->tolerance;
+    b->scene->physics.integrator = pm_integrator_find(method);
+    b->scene->physics.substeps = substeps;
+    b->scene->physics.tolerance = b->tolerance;
     return pm_evaluate(e, b->system, b->physics, 0, TRAJECTORIES, &how);
 }
 
@@ -155,7 +155,7 @@ static pm_status time_steps(const bench *b, row *r) {
         elapsed = bench_clock() - start;
     }
     pm_monolithic_close(assembly);
-    r->seconds = elapsed / (double)steps / b->scene->dt;
+    r->seconds = elapsed / (double)steps / b->scene->physics.dt;
     r->exchanges = r->exchanges * (double)substeps / (double)steps;
     return PM_OK;
 }
@@ -168,7 +168,7 @@ static pm_status measure_method(bench *b, const pm_integrator *rk, int substeps)
     const pm_box own = box_of_errors(e, b->exact);
     row r = {.method = method,
              .substeps = b->tolerance > 0 ? b->tolerance : substeps,
-             .exchanges = rk->nstage / b->scene->dt,
+             .exchanges = rk->nstage / b->scene->physics.dt,
              .own = own.median,
              .mean = own.mean,
              .all = box_of_errors(e, b->physics).median};
@@ -277,7 +277,7 @@ done:
 static pm_status open_scene(bench *b, const char *configs, const char *name) {
     char path[4096];
     snprintf(path, sizeof path, "%s/truth/%s.yaml", configs, name);
-    PM_TRY(pm_truth_load(&b->truth, path));
+    PM_TRY(pm_truth_load(&b->truth, path, NULL));
     b->truth->seed = SEED;
     PM_TRY(pm_dataset_new(&b->physics, TRAJECTORIES, b->truth->ntime, b->truth->model.ncolumn,
                           b->truth->dt, b->truth->model.column));

@@ -9,7 +9,7 @@ set format y '10^{%L}'
 set grid lc rgb '#dddddd'
 set xlabel 'relative L2 error, median'
 set key Left reverse samplen 2 font ',8'
-methods = 'euler heun rk4 rk4_balanced rk6 rk6_balanced multirate3 multirate3_balanced discrete_gradient rk4_adaptive'
+methods = 'euler heun rk4 rk4_balanced rk6 rk6_balanced discrete_gradient rk4_adaptive'
 colours = '#999999 #c49c00 #1f77b4 #1f77b4 #d62728 #d62728 #8c564b #8c564b #9467bd #17becf'
 rows(file, scene, method) = sprintf("< grep '^%s,%s' '%s/%s.csv'", scene, method, folder, file)
 dashed(method) = strstrt(method, 'balanced') > 0 ? 2 : 1

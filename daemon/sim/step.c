@@ -1,0 +1,549 @@
+// The steps of the subsystems of one process. A round is three sweeps over all groups: bulk terms,
+// ports, and then the next states with what they show.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sim/engine.h"
+#include "sim/step_controller.h"
+
+struct pm_local_subsystems {
+    pm_model model;
+    pm_data data;
+};
+
+// --- opening ---
+
+pm_status pm_local_subsystems_open(pm_local_subsystems **local, const pm_system *system, int count,
+                                   const int *id) {
+    const pm_physics *physics = &system->scene->physics;
+    pm_local_subsystems *l = calloc(1, sizeof *l);
+    if (l == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the subsystems of a process");
+    }
+    pm_arena *arena = &l->model.arena;
+    const int n = id == NULL ? physics->nsubsystem : count;
+    double *z = pm_arena_array(arena, (size_t)physics->nz, sizeof *z);
+    int *all = pm_arena_array(arena, id == NULL ? (size_t)n : 0, sizeof *all);
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(arena, "the subsystems of a process"));
+    for (int i = 0; i < n && id == NULL; ++i) {
+        all[i] = i;
+    }
+    PM_TRY_DONE(pm_model_open(&l->model, &l->data, system, n, id == NULL ? all : id));
+    for (int i = 0; i < n; ++i) {
+        const pm_scene_subsystem *s = &physics->subsystem[l->model.id[i]];
+        if (s->initial != NULL) {
+            memcpy(z + s->first, s->initial, (size_t)s->layout.nz * sizeof *z);
+        }
+    }
+    pm_local_subsystems_set_state(l, z);
+    *local = l;
+    l = NULL;
+done:
+    pm_local_subsystems_close(l);
+    return status;
+}
+
+void pm_local_subsystems_close(pm_local_subsystems *local) {
+    if (local != NULL) {
+        pm_model_close(&local->model);
+        free(local);
+    }
+}
+
+int pm_local_subsystems_nremote(const pm_local_subsystems *local) {
+    return local->model.nremote;
+}
+
+pm_remote_end pm_local_subsystems_remote(const pm_local_subsystems *local, int remote) {
+    return local->model.remote[remote].at;
+}
+
+// --- the start of a run ---
+
+void pm_local_subsystems_set_boundary_input(pm_local_subsystems *local,
+                                            const pm_boundary_input *boundary_input) {
+    local->data.boundary_input = boundary_input;
+}
+
+void pm_local_subsystems_set_substeps(pm_local_subsystems *local, int substeps) {
+    local->data.substeps = substeps;
+    local->data.h = local->model.system->scene->physics.dt / substeps;
+}
+
+int pm_local_subsystems_most_rounds(const pm_local_subsystems *local) {
+    const pm_physics *physics = &local->model.system->scene->physics;
+    return pm_step_controller_most_substeps(physics) *
+           pm_integrator_most_rounds(physics->integrator);
+}
+
+static void clear_flux(const pm_lane_flux *flux, int64_t lanes) {
+    memset(flux->energy, 0, 4 * (size_t)lanes * sizeof *flux->energy);
+}
+
+// Begins a run at d->z.
+static void start(const pm_model *m, pm_data *d) {
+    d->safe_z = d->z;
+    for (int i = 0; i < m->ngroup; ++i) { // the weights may have changed since the last run
+        if (m->group[i].exposure != NULL) {
+            pm_program_prepare(m->group[i].exposure);
+        }
+        if (m->group[i].bulk != NULL) {
+            pm_program_prepare(m->group[i].bulk);
+        }
+    }
+    for (int i = 0; i < m->nport_group; ++i) {
+        if (m->port_group[i].law != NULL) {
+            pm_program_prepare(m->port_group[i].law);
+        }
+    }
+    pm_expose_all(m, d, true);
+    // All counts and fluxes are those of step 0.
+    const size_t lanes = (size_t)m->own_lanes;
+    d->exposure_calls = d->bulk_calls = d->port_calls = d->step = 0;
+    memset(d->rested, 0, lanes * sizeof *d->rested);
+    memset(d->more_exposures, 0, lanes * sizeof *d->more_exposures);
+    memset(d->out_of_range, 0, lanes * sizeof *d->out_of_range);
+    memset(d->bulk_kept, 0, (size_t)m->nblock * sizeof *d->bulk_kept);
+    memset(d->port_kept, 0, (size_t)m->nport_block * sizeof *d->port_kept);
+    memset(d->port_rested, 0, (size_t)m->port_lanes * sizeof *d->port_rested);
+    memset(d->remote_flux, 0, (size_t)m->nremote * sizeof *d->remote_flux);
+    clear_flux(&d->bulk, m->own_lanes);
+    clear_flux(&d->flux[0], m->port_lanes);
+    clear_flux(&d->flux[1], m->port_lanes);
+    if (d->error != NULL) {
+        memset(d->error, 0, lanes * sizeof *d->error);
+        memset(d->length, 0, PM_MAX_GROUPS * lanes * sizeof *d->length);
+    }
+    for (size_t l = 0; l < lanes && d->projection != NULL; ++l) {
+        pm_invariant_projection_start(&d->projection[l], d->E[l], d->S[l]);
+        d->safe_projection[l] = d->projection[l];
+    }
+}
+
+void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    d->z = d->state[0];
+    for (int i = 0; i < m->ngroup; ++i) {
+        const pm_subsystem_group *group = &m->group[i];
+        for (int lane = 0; lane < group->nblock * group->width; ++lane) {
+            const int id = group->id[lane < group->count ? lane : group->count - 1];
+            double *to = d->z + group->first + lane % group->width +
+                         (ptrdiff_t)(lane / group->width) * group->nz * group->width;
+            for (int c = 0; c < group->nz; ++c) {
+                to[(ptrdiff_t)c * group->width] =
+                    z[m->system->scene->physics.subsystem[id].first + c];
+            }
+        }
+    }
+    start(m, d);
+}
+
+// --- a round ---
+
+bool pm_local_subsystems_completes_step(const pm_local_subsystems *local) {
+    return local->data.substep == local->data.substeps;
+}
+
+pm_flux pm_local_subsystems_get_boundary(const pm_local_subsystems *local, int remote, double *y,
+                                         double *e, double *eta, double *response, int64_t *known) {
+    const pm_data *d = &local->data;
+    const pm_remote *r = &local->model.remote[remote];
+    const pm_scene_port *port = &local->model.system->scene->physics.port[r->at.port_id];
+    double *const to[PM_SHOWN_COUNT] = {y, e, eta, response};
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        for (int c = 0; c < port->layout[r->at.end].nz && d->shown[i] != NULL; ++c) {
+            to[i][c] = d->shown[i][r->own.first + port->component[r->at.end][c] * r->own.step];
+        }
+    }
+    if (d->iteration != NULL) {
+        *known = (int64_t)d->iteration[r->own.lane].known;
+    }
+    return d->remote_flux[remote];
+}
+
+// Returns the weight of the present round in the mean over a step.
+static double round_weight(const pm_model *m, const pm_data *d) {
+    const double weight = d->iteration != NULL ? d->iteration[0].last : m->integrator->b[d->stage];
+    return weight / d->substeps;
+}
+
+void pm_local_subsystems_bulk(pm_local_subsystems *local) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    double *k = pm_stage_rates(m, d);
+    const double weight = round_weight(m, d);
+    for (int i = 0; i < m->ngroup; ++i) {
+        const pm_subsystem_group *group = &m->group[i];
+        for (int block = 0; block < group->nblock; ++block) {
+            group->kind->bulk(m, d, group, block, weight,
+                              k + group->first + (ptrdiff_t)block * group->nz * group->width);
+        }
+    }
+    memset(k + m->own_size, 0, (size_t)(m->size - m->own_size) * sizeof *k);
+    ++d->bulk_calls;
+}
+
+void pm_local_subsystems_set_boundary(pm_local_subsystems *local, int remote,
+                                      const pm_port_values *values) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    const pm_remote *r = &m->remote[remote];
+    const int *component =
+        m->system->scene->physics.port[r->at.port_id].component[1 - (int)r->at.end];
+    const double *const from[PM_SHOWN_COUNT] = {values->y, values->e, values->eta,
+                                                values->response};
+    for (int c = 0; c < values->ny; ++c) {
+        const int at = r->ghost.first + component[c];
+        double *const to[PM_SHOWN_COUNT] = {
+            &d->ghost_z[at - m->own_size], &d->shown[PM_SHOWN_DE][at], &d->shown[PM_SHOWN_DS][at],
+            d->iteration != NULL ? &d->shown[PM_SHOWN_RESPONSE][at] : NULL};
+        for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+            if (to[i] != NULL && pm_renew(to[i], &from[i][c], 1)) {
+                d->changed[i][r->ghost.lane] |= (uint64_t)1 << (component[c] & 63);
+            }
+        }
+        d->shown[PM_SHOWN_Z][at] = values->y[c];
+    }
+    if (d->iteration != NULL) {
+        pm_iteration_hear(&d->iteration[r->own.lane], values->known);
+    }
+}
+
+void pm_local_subsystems_couple(pm_local_subsystems *local) {
+    pm_couple(&local->model, &local->data, round_weight(&local->model, &local->data));
+    ++local->data.port_calls;
+}
+
+void pm_local_subsystems_advance(pm_local_subsystems *local) {
+    local->model.method->advance(&local->model, &local->data);
+}
+
+// --- the end of a step ---
+
+// Checks a subsystem at the end of a step. A run ends before it publishes a state that is not
+// finite or that its weights know nothing of. z [nz] is work space.
+static pm_status check_subsystem(const pm_model *m, const pm_data *d, int id, double *z) {
+    const pm_scene *scene = m->system->scene;
+    const pm_scene_subsystem *subsystem = &scene->physics.subsystem[id];
+    const pm_subsystem_group *group = &m->group[m->subsystem_at[id].group];
+    const pm_address at = pm_model_address(m, id);
+    const double E = d->E[at.lane], S = d->S[at.lane];
+    if (group->kind->check != NULL) {
+        PM_TRY(group->kind->check(m, group, d->step + 1));
+    }
+    for (int c = 0; c < group->nz; ++c) {
+        z[c] = d->z[at.first + c * at.step];
+    }
+    for (int i = 0; i < subsystem->layout.ngroup; ++i) {
+        const pm_group *variables = &subsystem->layout.group[i];
+        for (int c = 0; c < variables->size; ++c) {
+            if (!isfinite(z[variables->first + c])) {
+                return pm_fail(PM_ENUMERIC,
+                               "subsystem %s: %s[%d] became %g: the step is too long for this "
+                               "state, or the state left what the weights were trained on; try a "
+                               "smaller dt or more substeps",
+                               subsystem->name, variables->name, c, z[variables->first + c]);
+            }
+        }
+    }
+    if (!isfinite(E) || !isfinite(S)) {
+        return pm_fail(PM_ENUMERIC,
+                       "subsystem %s: energy %g, entropy %g: the state left what the weights "
+                       "were trained on",
+                       subsystem->name, E, S);
+    }
+    const pm_departure departure = pm_training_range_departure(group->range, z);
+    if (departure.widths > scene->run.largest_departure) {
+        const char *bar = departure.group->size > 1 ? "|" : "";
+        return pm_fail(PM_ENUMERIC,
+                       "subsystem %s: step %ld: %s%s%s = %.4g %s, and its weights were trained on "
+                       "%.4g to %.4g: train on a wider range, or widen the scene's guard",
+                       subsystem->name, d->step + 1, bar, departure.group->name, bar,
+                       departure.value, departure.group->unit, departure.low, departure.high);
+    }
+    return PM_OK;
+}
+
+// Copies the projections of a balanced method.
+static void copy_projections(const pm_model *m, pm_invariant_projection *to,
+                             const pm_invariant_projection *from) {
+    if (from != NULL) {
+        memcpy(to, from, (size_t)m->own_lanes * sizeof *to);
+    }
+}
+
+pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    // The failure of the first subsystem, in the scene's order, whose step has failed.
+    pm_status status = PM_OK;
+    for (int i = 0; i < m->count && d->doubtful && status == PM_OK; ++i) {
+        status = check_subsystem(m, d, m->id[i], d->scratch);
+    }
+    if (status == PM_OK && d->boundary_input != NULL &&
+        !pm_boundary_input_covers(d->boundary_input, d->step)) {
+        status = pm_fail(
+            PM_EDATA,
+            "subsystem %s: the trajectory of its boundary input ends after %ld steps: take fewer "
+            "steps, or a longer trajectory",
+            m->system->scene->physics.subsystem[m->id[0]].name, d->boundary_input->end);
+    }
+    if (status != PM_OK) {
+        d->z = d->safe_z;
+        copy_projections(m, d->projection, d->safe_projection);
+        pm_expose_all(m, d, false);
+        return status;
+    }
+    for (int i = 0; i < m->nremote; ++i) {
+        const pm_remote_end at = m->remote[i].at;
+        const pm_member place = m->port_at[at.port_id][at.end];
+        d->remote_flux[i] = pm_lane_flux_at(
+            &d->flux[at.end], (int)m->port_group[place.group].first_lane + place.lane);
+    }
+    copy_projections(m, d->safe_projection, d->projection);
+    d->substep = 0;
+    d->doubtful = false;
+    d->safe_z = d->z;
+    ++d->step;
+    return PM_OK;
+}
+
+// --- results ---
+
+// Returns the lane of an end of a port in arrays of one number for each port.
+static int port_lane(const pm_model *m, int port, int end) {
+    const pm_member at = m->port_at[port][end];
+    return (int)m->port_group[at.group].first_lane + at.lane;
+}
+
+pm_books pm_local_subsystems_books(const pm_local_subsystems *local, int i) {
+    const pm_model *m = &local->model;
+    const pm_data *d = &local->data;
+    const pm_physics *physics = &m->system->scene->physics;
+    const int id = m->id[i], nport = physics->first_end[id + 1] - physics->first_end[id];
+    const int *end_at = physics->end_at + physics->first_end[id];
+    const int lane = pm_model_address(m, id).lane;
+    const pm_subsystem_group *group = &m->group[m->subsystem_at[id].group];
+    const long exposures = d->exposure_calls + d->more_exposures[lane];
+    long calls = exposures + d->bulk_calls, evaluated = exposures - d->rested[lane];
+    evaluated += group->bulk == NULL ? 0 : d->bulk_calls;
+    int nflux = nport;
+    for (int k = 0; k < nport; ++k) {
+        const int port = end_at[k] / 2, end = end_at[k] % 2, at = port_lane(m, port, end);
+        d->books[k] = pm_lane_flux_at(&d->flux[end], at);
+        if (physics->port[port].subsystem[1 - end] < 0) {
+            d->books[nflux++] = pm_lane_flux_at(&d->flux[1 - end], at);
+        }
+        calls += d->port_calls;
+        evaluated += d->port_calls - d->port_rested[at];
+    }
+    return (pm_books){.energy = d->E[lane],
+                      .entropy = d->S[lane],
+                      .bulk = pm_lane_flux_at(&d->bulk, lane),
+                      .evaluated = evaluated,
+                      .skipped = calls - evaluated,
+                      .outside = d->out_of_range[lane],
+                      .error = d->error == NULL ? 0 : d->error[lane],
+                      .nflux = nflux,
+                      .flux = d->books};
+}
+
+void pm_local_subsystems_state(const pm_local_subsystems *local, int i, double *z) {
+    const int id = local->model.id[i];
+    const pm_address at = pm_model_address(&local->model, id);
+    const int nz = local->model.system->scene->physics.subsystem[id].layout.nz;
+    for (int c = 0; c < nz; ++c) {
+        z[c] = local->data.z[at.first + c * at.step];
+    }
+}
+
+void pm_local_subsystems_fill_sample(const pm_local_subsystems *local, int count,
+                                     pm_sample *sample) {
+    const pm_physics *physics = &local->model.system->scene->physics;
+    for (int i = 0; i < count && i < local->model.count; ++i) {
+        const int id = local->model.id[i], *end_at = physics->end_at + physics->first_end[id];
+        const pm_books books = pm_local_subsystems_books(local, i);
+        int outside = physics->first_end[id + 1] - physics->first_end[id];
+        pm_sample_set_books(sample, id, &books);
+        pm_local_subsystems_state(local, i, sample->z + physics->subsystem[id].first);
+        for (int k = 0; k < physics->first_end[id + 1] - physics->first_end[id]; ++k) {
+            const int port = end_at[k] / 2, end = end_at[k] % 2;
+            sample->flux[port][end] = books.flux[k];
+            if (physics->port[port].subsystem[1 - end] < 0) {
+                sample->flux[port][1 - end] = books.flux[outside++];
+            }
+        }
+    }
+}
+
+static void add_counts(pm_tally *tally, long calls, long evaluated) {
+    tally->evaluated += (double)evaluated;
+    tally->skipped += (double)(calls - evaluated);
+}
+
+static void tally_subsystems(const pm_model *m, const pm_data *d, const pm_subsystem_group *group,
+                             pm_tally *tally) {
+    const int64_t first = group->first_lane;
+    const pm_lane_flux bulk = pm_lane_flux_from(&d->bulk, first);
+    long more = 0, rested = 0, outside = 0;
+    for (int l = 0; l < group->count; ++l) {
+        more += d->more_exposures[first + l];
+        rested += d->rested[first + l];
+        outside += d->out_of_range[first + l];
+    }
+    const long exposures = group->count * d->exposure_calls + more;
+    const long bulk_terms = group->count * d->bulk_calls;
+    pm_tally_add_content(tally, group->count, d->E + first, d->S + first);
+    pm_tally_add_fluxes(tally, pm_tally_form_of_subsystem(m->system, group->id[0]), group->count,
+                        m->system->scene->physics.nport, group->id, &bulk, NULL);
+    add_counts(tally, exposures + bulk_terms,
+               exposures + (group->bulk == NULL ? 0 : bulk_terms) - rested);
+    for (int l = 0; l < group->count && outside > 0; ++l) {
+        pm_tally_add_counts(tally, group->id[l], 0, 0, d->out_of_range[first + l]);
+    }
+}
+
+// Returns true if both ends of a port are at subsystems here.
+static bool is_inner(const pm_model *m, const pm_scene_port *port) {
+    return port->subsystem[0] >= 0 && port->subsystem[1] >= 0 &&
+           m->subsystem_at[port->subsystem[0]].group != PM_NOWHERE &&
+           m->subsystem_at[port->subsystem[1]].group != PM_NOWHERE;
+}
+
+// Adds the ports of a group that are inner ones, as many at a time as follow each other. A port
+// counts for each subsystem here at its ends. A law that is evaluated end by end has its fluxes in
+// two groups; that of end A adds them.
+static void tally_ports(const pm_model *m, const pm_data *d, const pm_port_group *group,
+                        pm_tally *tally) {
+    const pm_scene_port *port = m->system->scene->physics.port;
+    const bool both = group->end[0].computed && group->end[1].computed;
+    const int form = pm_tally_form_of_port(m->system, group->id[0]);
+    if (group->inner) {
+        const pm_lane_flux a = pm_lane_flux_from(&d->flux[0], group->first_lane);
+        const pm_lane_flux b = pm_lane_flux_from(&d->flux[1], group->first_lane);
+        const long calls = group->count * d->port_calls;
+        long rested = 0;
+        for (int l = 0; l < group->count; ++l) {
+            rested += d->port_rested[group->first_lane + l];
+        }
+        pm_tally_add_fluxes(tally, form, group->count, 0, group->id, &a, &b);
+        add_counts(tally, 2 * calls, 2 * (calls - rested));
+        return;
+    }
+    int begin = 0;
+    for (int l = 0; l <= group->count; ++l) {
+        const bool inner = l < group->count && is_inner(m, &port[group->id[l]]);
+        if (l < group->count) {
+            const long ends = both && inner ? 2 : 1;
+            add_counts(tally, ends * d->port_calls,
+                       ends * (d->port_calls - d->port_rested[group->first_lane + l]));
+        }
+        if (inner && both) {
+            continue;
+        }
+        if (begin < l) {
+            const pm_lane_flux a = pm_lane_flux_from(&d->flux[0], group->first_lane + begin);
+            const pm_lane_flux b = pm_lane_flux_from(&d->flux[1], group->first_lane + begin);
+            pm_tally_add_fluxes(tally, form, l - begin, 0, group->id + begin, &a, &b);
+        }
+        begin = l + 1;
+        if (inner && group->end[0].computed) {
+            const int id = group->id[l];
+            const pm_lane_flux a = pm_lane_flux_from(&d->flux[0], port_lane(m, id, 0));
+            const pm_lane_flux b = pm_lane_flux_from(&d->flux[1], port_lane(m, id, 1));
+            pm_tally_add_fluxes(tally, form, 1, id, NULL, &a, &b);
+        }
+    }
+}
+
+void pm_local_subsystems_tally(const pm_local_subsystems *local, pm_tally *tally) {
+    const pm_model *m = &local->model;
+    for (int i = 0; i < m->ngroup; ++i) {
+        tally_subsystems(m, &local->data, &m->group[i], tally);
+    }
+    for (int i = 0; i < m->nport_group; ++i) {
+        tally_ports(m, &local->data, &m->port_group[i], tally);
+    }
+}
+
+// --- checkpoints ---
+
+// Puts 64 bits each as two whole numbers, which a double holds exactly.
+static void put_changed(pm_data *d, pm_record *record, int64_t lane) {
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        uint64_t *bits = &d->changed[i][lane];
+        long low = (long)(*bits & UINT32_MAX), high = (long)(*bits >> 32);
+        pm_record_put_long(record, "changed", &low);
+        pm_record_put_long(record, "changed", &high);
+        *bits = (uint64_t)low | (uint64_t)high << 32;
+    }
+}
+
+// A subsystem's co-energies, potentials and rates follow from its state; what is put besides is how
+// it was exposed, its counts, and what its kind keeps.
+static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_record *record) {
+    const pm_subsystem_group *group = &m->group[m->subsystem_at[id].group];
+    const int lane = pm_model_address(m, id).lane;
+    pm_record_put_long(record, "rested", &d->rested[lane]);
+    pm_record_put_long(record, "more exposures", &d->more_exposures[lane]);
+    pm_record_put_long(record, "out of range", &d->out_of_range[lane]);
+    put_changed(d, record, lane);
+    if (d->projection != NULL) {
+        pm_record_put(record, "projected energy", &d->projection[lane].energy, 1);
+        pm_record_put(record, "projected entropy", &d->projection[lane].entropy, 1);
+        d->safe_projection[lane] = d->projection[lane];
+    }
+    if (group->kind->serialize != NULL) {
+        group->kind->serialize(group, record);
+    }
+}
+
+void pm_local_subsystems_record(pm_local_subsystems *local, pm_record *record) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    const int nghost = (int)(m->size - m->own_size);
+    if (pm_record_restores(record)) {
+        d->z = d->state[0];
+    }
+    for (int i = 0; i < m->count; ++i) {
+        const pm_address at = pm_model_address(m, m->id[i]);
+        const int nz = m->system->scene->physics.subsystem[m->id[i]].layout.nz;
+        for (int c = 0; c < nz; ++c) {
+            pm_record_put(record, "z", &d->z[at.first + c * at.step], 1);
+        }
+    }
+    if (pm_record_restores(record)) {
+        start(m, d); // the numbers below replace what it counts
+    }
+    pm_record_put_long(record, "step", &d->step);
+    pm_record_put_long(record, "exposures", &d->exposure_calls);
+    pm_record_put_long(record, "bulk terms", &d->bulk_calls);
+    pm_record_put_long(record, "laws", &d->port_calls);
+    for (int i = 0; i < m->count; ++i) {
+        put_subsystem(m, d, m->id[i], record);
+    }
+    for (int i = 0; i < m->nport_group; ++i) {
+        const pm_port_group *group = &m->port_group[i];
+        for (int lane = 0; lane < group->count; ++lane) {
+            pm_record_put_long(record, "rested", &d->port_rested[group->first_lane + lane]);
+        }
+        if (group->last != NULL) {
+            pm_record_put(record, "irreversible rates", group->last, group->nboth);
+        }
+    }
+    pm_record_put(record, "ghost z", d->ghost_z, nghost);
+    for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT; ++i) {
+        pm_record_put(record, "ghost", d->shown[i] == NULL ? NULL : d->shown[i] + m->own_size,
+                      d->shown[i] == NULL ? 0 : nghost);
+    }
+    for (int64_t lane = m->own_lanes; lane < m->lanes; ++lane) {
+        put_changed(d, record, lane);
+    }
+    for (int i = 0; i < m->nremote; ++i) {
+        pm_record_put(record, "energy flux", &d->remote_flux[i].energy, 1);
+        pm_record_put(record, "entropy flux", &d->remote_flux[i].entropy, 1);
+    }
+}

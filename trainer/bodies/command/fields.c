@@ -1,0 +1,42 @@
+// Writes notes, fields, their XDMF files, and datasets.
+#include "bodies/command/fields.h"
+
+#include <stdio.h>
+
+#include "base/options.h"
+#include "bodies/field/xdmf.h"
+
+pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int **which,
+                               int *count) {
+    *which = pm_arena_array(arena, (size_t)most, sizeof **which);
+    PM_TRY(pm_arena_status(arena, "a list of trajectories"));
+    return pm_options_list(text, most, *which, count);
+}
+
+pm_status pm_fields_save(const pm_field *field, const char *path, const char *title,
+                         const char *source, const char *command) {
+    const char *const notes[][2] = {{"title", title}, {"source", source}, {"command", command}};
+    PM_TRY(pm_field_save(field, path, (int)(sizeof notes / sizeof *notes), notes));
+    PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, path));
+    printf("wrote %s: %d trajectories of %d states, %d nodes\n", path, field->ntrajectory,
+           field->ntime, field->nnode);
+    return PM_OK;
+}
+
+pm_status pm_modes_save(pm_dataset *modes, const pm_basis *basis, const char *data,
+                        const char *source, const char *command, const char *folder) {
+    if (basis != NULL) {
+        char coordinates[PM_BASIS_COORDINATES];
+        pm_basis_coordinates(basis, coordinates);
+        PM_TRY(pm_dataset_note(modes, "coordinates", "%s", coordinates));
+    }
+    PM_TRY(pm_dataset_note(modes, "title", "Amplitudes of modes of %s", data));
+    PM_TRY(pm_dataset_note(modes, "source", "portmet-train %s", source));
+    PM_TRY(pm_dataset_note(modes, "command", "%s", command));
+    const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", folder);
+    PM_TRY(pm_arena_status(&modes->arena, "a path"));
+    PM_TRY(pm_dataset_save(modes, path));
+    printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
+           modes->ntime, modes->ncolumn);
+    return PM_OK;
+}

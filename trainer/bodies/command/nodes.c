@@ -1,0 +1,77 @@
+// portmet-train nodes: writes fields of a body as trajectories of nodal values.
+#include <math.h>
+#include <stdio.h>
+
+#include "base/options.h"
+#include "bodies/bodies.h"
+#include "bodies/solid/solid_nodes.h"
+
+typedef struct nodes_arguments {
+    const char *fields, *mesh, *temperature, *states, *trajectories, *output;
+} nodes_arguments;
+
+pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    nodes_arguments a = {0};
+    bool helped = false;
+    const pm_option table[] = {
+        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, "mesh to write (HDF5)"},
+        {"--temperature", NULL, "T", NULL, &a.temperature, false,
+         "K, at which dissipated energy becomes entropy (default: 300)"},
+        {"--states", NULL, "N", NULL, &a.states, false,
+         "write only the first N states of each trajectory"},
+        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
+        {"--output", "-o", "FILE", NULL, &a.output, true, "dataset to write (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train nodes FIELDS --mesh FILE -o FILE [options]",
+        .summary = "Writes the fields of a body as trajectories of the values at its nodes,\n"
+                   "a dataset for `evaluate`, and the mesh, which a scene with a solid names.\n"
+                   "`reconstruct` turns nodal values into fields again.",
+        .positional_name = "FIELDS",
+        .positional = &a.fields,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", a.output));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_arena arena = {0};
+    pm_field *field = NULL;
+    pm_dataset *nodes = NULL;
+    pm_solid_data data;
+    double temperature = PM_DEFAULT_TEMPERATURE;
+    pm_status status;
+    PM_TRY_DONE(a.temperature == NULL
+                    ? PM_OK
+                    : pm_options_positive("--temperature", a.temperature, &temperature));
+    PM_TRY_DONE(pm_field_load(&field, a.fields));
+    double nstate = field->ntime;
+    PM_TRY_DONE(a.states == NULL ? PM_OK : pm_options_positive("--states", a.states, &nstate));
+    if (nstate != floor(nstate) || nstate > field->ntime) {
+        status = pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
+                         field->ntime, a.states);
+        goto done;
+    }
+    PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
+    PM_TRY_DONE(pm_options_list(a.trajectories, field->ntrajectory, data.trajectory, &data.count));
+    PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, a.mesh));
+    printf("wrote %s: %d nodes, %d bricks\n", a.mesh, data.mesh.nnode, data.mesh.nelement);
+    PM_TRY_DONE(pm_solid_nodes_dataset(&nodes, &data, (int)nstate, temperature));
+    PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a.fields));
+    PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
+    PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
+    PM_TRY_DONE(pm_dataset_save(nodes, a.output));
+    printf("wrote %s: %d trajectories of %d states, %d columns\n", a.output, nodes->ntrajectory,
+           nodes->ntime, nodes->ncolumn);
+done:
+    pm_dataset_free(nodes);
+    pm_field_free(field);
+    pm_arena_free(&arena);
+    return status;
+}

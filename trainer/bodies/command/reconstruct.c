@@ -1,0 +1,288 @@
+// portmet-train reconstruct: turns trajectories of modes or of nodal values into fields of the
+// body, and scores them.
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/options.h"
+#include "bodies/bodies.h"
+#include "bodies/command/fields.h"
+#include "bodies/modal/contact_part.h"
+#include "bodies/modal/reconstruct.h"
+#include "bodies/solid/solid_nodes.h"
+#include "evaluate/gnuplot.h"
+#include "sim/score.h"
+
+typedef struct reconstruct_arguments {
+    const char *dataset, *basis, *body, *contact, *weights, *truth, *trajectories, *trained, *plot,
+        *output;
+} reconstruct_arguments;
+
+// --- errors ---
+
+static const char *const names[PM_FIELD_NERROR] = {"displacement", "velocity", "stress"};
+
+// The relative L2 errors of some trajectories.
+typedef struct field_report {
+    int count;
+    const double *error; // [count][PM_FIELD_NERROR]
+    const bool *trained; // [count] whether training saw the trajectory
+} field_report;
+
+static int count_of(const field_report *r, bool trained) {
+    int count = 0;
+    for (int i = 0; i < r->count; ++i) {
+        count += r->trained[i] == trained;
+    }
+    return count;
+}
+
+// Prints whiskers, quartiles, medians and means, in %, of the trajectories that training saw, or
+// did not see. `column` [count] is work space.
+static void print_part(const field_report *r, bool trained, double *column) {
+    const int count = count_of(r, trained);
+    if (count == 0) {
+        return;
+    }
+    printf("%-21s %9s %9s %9s %9s %9s %9s\n", trained ? "Trained on, %" : "Relative L2 error, %",
+           "whisker", "quartile", "median", "quartile", "whisker", "mean");
+    for (int e = 0; e < PM_FIELD_NERROR; ++e) {
+        int at = 0;
+        for (int i = 0; i < r->count; ++i) {
+            if (r->trained[i] == trained) {
+                column[at++] = r->error[i * PM_FIELD_NERROR + e];
+            }
+        }
+        const pm_box b = pm_box_of(count, column);
+        printf("  %-20s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g\n", names[e], 100 * b.low,
+               100 * b.first_quartile, 100 * b.median, 100 * b.third_quartile, 100 * b.high,
+               100 * b.mean);
+    }
+}
+
+// Writes the errors in %, one row for each trajectory that training saw, or did not see.
+static pm_status write_numbers(const field_report *r, const char *folder, bool trained) {
+    FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, trained ? "trained.txt" : "test.txt"));
+    for (int i = 0; i < r->count; ++i) {
+        const double *error = r->error + (ptrdiff_t)i * PM_FIELD_NERROR;
+        if (r->trained[i] == trained) {
+            fprintf(file, "%.6g %.6g %.6g\n", 100 * error[0], 100 * error[1], 100 * error[2]);
+        }
+    }
+    return pm_plot_close(file, folder);
+}
+
+// Writes a box for each quantity.
+static void write_boxes(FILE *file, const char *data, double shift, double opacity) {
+    for (int e = 0; e < PM_FIELD_NERROR; ++e) {
+        fprintf(file,
+                "%s'%s' using (%g):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s' "
+                "fillstyle solid %g",
+                e > 0 ? ", " : "", data, e + 1 + shift, e + 1, pm_plot_colour(e), opacity);
+    }
+}
+
+// Makes `folder`, if it does not exist, and draws errors.png in it with gnuplot. Each quantity has
+// a box for the trajectories that training did not see, and a pale box for those that it saw. A
+// group without trajectories has no boxes. The script and the numbers stay in the folder.
+static pm_status plot_errors(const field_report *r, const char *folder) {
+    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
+    }
+    PM_TRY(write_numbers(r, folder, true));
+    PM_TRY(write_numbers(r, folder, false));
+    const int trained = count_of(r, true), test = count_of(r, false);
+    const bool both = trained > 0 && test > 0;
+    FILE *file;
+    PM_TRY(pm_plot_open(&file, folder, "errors.gp"));
+    fprintf(file,
+            "set terminal pngcairo size 600,450 font 'DejaVu Sans,11' background 'white'\n"
+            "set output 'errors.png'\nset border 3 linecolor '#555555'\n"
+            "set tics nomirror out\nset grid noxtics ytics linecolor '#e4e4e4'\n"
+            "set style data boxplot\nset key noautotitle\nset logscale y\n"
+            "set ylabel 'relative L_2 error, %%'\nset xrange [0.4:3.6]\nset boxwidth %g\n"
+            "set xtics scale 0 ('%s' 1, '%s' 2, '%s, free nodes' 3)\n"
+            "set title 'per trajectory: train (%d, pale), test (%d)'\nplot ",
+            both ? 0.3 : 0.5, names[0], names[1], names[2], trained, test);
+    if (trained > 0) {
+        write_boxes(file, "trained.txt", both ? -0.18 : 0, 0.1);
+    }
+    fputs(both ? ", " : "", file);
+    if (test > 0) {
+        write_boxes(file, "test.txt", both ? 0.18 : 0, 0.5);
+    }
+    fputc('\n', file);
+    PM_TRY(pm_plot_close(file, folder));
+    return pm_gnuplot_run(folder, "errors.gp");
+}
+
+// --- fields ---
+
+static pm_status make_from_modes(const reconstruct_arguments *a, const pm_dataset *modes,
+                                 const pm_field *truth, const int *trajectory, pm_field **field) {
+    pm_basis *basis = NULL;
+    pm_body_assembly assembly = {0};
+    pm_contact_force force;
+    pm_status status;
+    PM_TRY_DONE(pm_basis_load(&basis, a->basis));
+    PM_TRY_DONE(pm_basis_check(basis, pm_dataset_find_note(modes, "coordinates"), a->dataset));
+    if (truth == NULL && basis->local.nsection > 0) {
+        printf("without --truth the loads on the nodes are not known: the stress close to them is "
+               "left out\n");
+    }
+    if (a->contact == NULL && truth != NULL && truth->contact != NULL) {
+        printf("without --contact the stress that other bodies cause is left out\n");
+    }
+    if (a->contact != NULL) {
+        assembly.basis = basis;
+        // Place the bodies, find the contact interfaces of the one that is reconstructed, and read
+        // their stiffness from the weights.
+        PM_TRY_DONE(pm_body_assembly_load(&assembly, a->contact));
+        int body = 0;
+        while (body < assembly.nbody && strcmp(assembly.body[body].name, a->body) != 0) {
+            ++body;
+        }
+        if (body == assembly.nbody) {
+            status = pm_fail(PM_EUSAGE, "--body: %s places no \"%s\"", a->contact, a->body);
+            goto done;
+        }
+        double *stiffness =
+            pm_arena_array(&assembly.arena, (size_t)assembly.ninterface, sizeof *stiffness);
+        PM_TRY_DONE(pm_arena_status(&assembly.arena, "contact interfaces"));
+        for (int i = 0; i < assembly.ninterface; ++i) {
+            const pm_contact_interface *m = &assembly.interface[i];
+            if (m->body[0] == body || m->body[1] == body) {
+                PM_TRY_DONE(pm_contact_part_stiffness(&assembly, m, a->weights, &stiffness[i]));
+            }
+        }
+        PM_TRY_DONE(
+            pm_contact_force_open(&force, &assembly, body, modes, stiffness, &assembly.arena));
+    }
+    PM_TRY_DONE(pm_reconstruct(field, basis, modes, a->body, a->contact == NULL ? NULL : &force,
+                               truth, trajectory));
+done:
+    pm_arena_free(&assembly.arena);
+    pm_basis_free(basis);
+    return status;
+}
+
+pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    reconstruct_arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    const pm_option table[] = {
+        {"--basis", "-b", "FILE", NULL, &a.basis, false,
+         "the basis that `reduce` made; without it DATASET has nodal values"},
+        {"--body", NULL, "NAME", NULL, &a.body, false,
+         "reconstruct this body of an assembly, whose dataset `contact` wrote"},
+        {"--contact", NULL, "CONFIG", NULL, &a.contact, false,
+         "add the stress that other bodies cause, placed as CONFIG says"},
+        {"--weights", "-w", "DIR", NULL, &a.weights, false,
+         "the weights that `contact` wrote, which contain the stiffness of the contact"},
+        {"--truth", "-t", "FILE", NULL, &a.truth, false,
+         "fields to score against, which also contain the loads on the nodes (HDF5)"},
+        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+         "the trajectories of the truth to which those of DATASET belong"},
+        {"--trained", NULL, "LIST", NULL, &a.trained, false,
+         "report the errors of these trajectories separately, because training saw them"},
+        {"--plot", NULL, "DIR", NULL, &a.plot, false, "draw box plots of the errors (gnuplot)"},
+        {"--output", "-o", "FILE", NULL, &a.output, false, "write the fields (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train reconstruct DATASET {--basis FILE | --truth FILE} [options]",
+        .summary =
+            "Turns trajectories of modes, which `reduce` writes, or of nodal values, which "
+            "`nodes`\n"
+            "writes, into fields of the body: positions, velocities, stresses. Recordings of\n"
+            "`evaluate --record` work as well. Prints the relative L2 errors per trajectory;\n"
+            "stresses are compared on the free nodes. Modes need the option --basis. Nodal values\n"
+            "need the option --truth, which describes the body, and as many states as the truth\n"
+            "has.",
+        .positional_name = "DATASET",
+        .positional = &a.dataset,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", a.output));
+    if (helped) {
+        return PM_OK;
+    }
+    if (a.basis == NULL && a.truth == NULL) {
+        return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
+    }
+    if ((a.contact == NULL) != (a.weights == NULL) || (a.contact != NULL && a.body == NULL)) {
+        return pm_fail(PM_EUSAGE, "reconstruct: --contact, --weights and --body belong together");
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_dataset *dataset = NULL;
+    pm_field *field = NULL, *truth = NULL;
+    pm_arena arena = {0};
+    int count = 0, *trajectory = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_dataset_load(&dataset, a.dataset));
+    if (a.truth != NULL) {
+        PM_TRY_DONE(pm_field_load(&truth, a.truth));
+        PM_TRY_DONE(
+            pm_trajectories_list(a.trajectories, truth->ntrajectory, &arena, &trajectory, &count));
+        if (count != dataset->ntrajectory) {
+            status = pm_fail(PM_EUSAGE, "%d trajectories in %s, %d of the truth (--trajectories)",
+                             dataset->ntrajectory, a.dataset, count);
+            goto done;
+        }
+    }
+    if (a.basis != NULL) {
+        PM_TRY_DONE(make_from_modes(&a, dataset, truth, trajectory, &field));
+    } else if (dataset->ntime != truth->ntime) {
+        status =
+            pm_fail(PM_EDATA,
+                    "%s: trajectories of %d states, those of %s have %d: only whole trajectories "
+                    "can become fields again (`nodes` without --states)",
+                    a.dataset, dataset->ntime, a.truth, truth->ntime);
+        goto done;
+    } else if (!pm_solid_nodes_fit(dataset, a.body, truth)) {
+        const char *body = a.body == NULL ? "" : a.body, *join = a.body == NULL ? "" : "_";
+        status =
+            pm_fail(PM_EDATA,
+                    "%s as nodal values of %s: expected columns %s%su[0:%d] and "
+                    "%s%ssigma[0:%d]",
+                    a.dataset, a.truth, body, join, 3 * truth->nnode, body, join, 6 * truth->nnode);
+        goto done;
+    } else {
+        PM_TRY_DONE(pm_solid_nodes_fields(&field, dataset, a.body, truth, trajectory));
+    }
+    if (truth != NULL) {
+        double *error = pm_arena_array(&arena, (size_t)count, PM_FIELD_NERROR * sizeof *error);
+        double *column = pm_arena_array(&arena, (size_t)count + 1, sizeof *column);
+        bool *trained = pm_arena_array(&arena, (size_t)count, sizeof *trained);
+        const field_report report = {count, error, trained};
+        int *seen, nseen = 0;
+        PM_TRY_DONE(pm_arena_status(&arena, "errors"));
+        if (a.trained != NULL) {
+            PM_TRY_DONE(pm_trajectories_list(a.trained, truth->ntrajectory, &arena, &seen, &nseen));
+        }
+        for (int i = 0; i < count * nseen; ++i) {
+            trained[i / nseen] = trained[i / nseen] || trajectory[i / nseen] == seen[i % nseen];
+        }
+        PM_TRY_DONE(pm_field_errors(field, truth, trajectory, error));
+        print_part(&report, false, column);
+        print_part(&report, true, column);
+        PM_TRY_DONE(a.plot == NULL ? PM_OK : plot_errors(&report, a.plot));
+    }
+    status = a.output == NULL
+                 ? PM_OK
+                 : pm_fields_save(field, a.output,
+                                  a.basis == NULL ? "Fields reconstructed from nodal values"
+                                                  : "Fields reconstructed from modes",
+                                  "portmet-train reconstruct", command);
+done:
+    pm_arena_free(&arena);
+    pm_field_free(truth);
+    pm_field_free(field);
+    pm_dataset_free(dataset);
+    return status;
+}

@@ -1,0 +1,149 @@
+// portmet-train reduce: finds the modes of a body, and writes its fields as trajectories of their
+// amplitudes.
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "base/options.h"
+#include "bodies/bodies.h"
+#include "bodies/command/fields.h"
+#include "bodies/modal/reduce.h"
+#include "store/yaml.h"
+
+typedef struct reduce_arguments {
+    const char *configuration, *data, *basis, *trajectories, *output;
+} reduce_arguments;
+
+static pm_status read_positive(pm_yaml root, const char *key, double *result) {
+    pm_yaml value;
+    PM_TRY(pm_yaml_require(root, key, &value));
+    PM_TRY(pm_yaml_double(value, 0, INFINITY, result));
+    return *result > 0 ? PM_OK : pm_yaml_fail(value, "expected a number > 0");
+}
+
+static pm_status read_count(pm_yaml root, const char *key, int most, int *result) {
+    pm_yaml value;
+    PM_TRY(pm_yaml_require(root, key, &value));
+    return pm_yaml_int(value, 1, most, result);
+}
+
+static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings *settings) {
+    static const char *const keys[] = {"modes",        "state",       "leading",      "relaxation",
+                                       "inertia_time", "temperature", "displacement", "stress",
+                                       "symmetry",     "reach",       "trajectories", NULL};
+    static const char *const sections[] = {"any", "square", NULL};
+    pm_yaml value;
+    double *tau = NULL;
+    int section = 0;
+    PM_TRY(pm_yaml_allow(root, keys));
+    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &settings->nmode));
+    PM_TRY(read_count(root, "state", settings->nmode, &settings->nstate));
+    PM_TRY(read_count(root, "leading", settings->nmode, &settings->nlead));
+    PM_TRY(read_positive(root, "inertia_time", &settings->inertia_time));
+    PM_TRY(read_positive(root, "temperature", &settings->temperature));
+    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &settings->displacement_rank));
+    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &settings->stress_rank));
+    if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
+        PM_TRY(pm_yaml_doubles(value, arena, &settings->nbranch, &tau));
+        if (settings->nbranch > PM_BASIS_MAX_BRANCHES) {
+            return pm_yaml_fail(value, "expected at most %d times", PM_BASIS_MAX_BRANCHES);
+        }
+        for (int i = 0; i < settings->nbranch; ++i) {
+            if (!(tau[i] > 0)) {
+                return pm_yaml_fail(value, "expected times > 0");
+            }
+            settings->tau[i] = tau[i];
+        }
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "reach"))) {
+        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &settings->reach));
+    }
+    if (pm_yaml_exists(value = pm_yaml_get(root, "symmetry"))) {
+        PM_TRY(pm_yaml_choice(value, sections, &section));
+    }
+    settings->square = section == 1;
+    return PM_OK;
+}
+
+pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop) {
+    (void)stop;
+    reduce_arguments a;
+    memset(&a, 0, sizeof a);
+    bool helped = false;
+    const pm_option table[] = {
+        {"--data", "-d", "FILE", NULL, &a.data, true, "fields of the body (HDF5)"},
+        {"--basis", "-b", "FILE", NULL, &a.basis, false,
+         "project on this basis instead of making one as CONFIG says"},
+        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
+        {"--output", "-o", "DIR", NULL, &a.output, true,
+         "write modes.h5 into DIR, and basis.h5 unless --basis is given"},
+    };
+    const pm_options options = {
+        .usage = "portmet-train reduce CONFIG --data FIELDS -o DIR [options]",
+        .summary =
+            "Finds the modes in which a body moves, and writes its fields as trajectories of "
+            "their\n"
+            "amplitudes: a dataset for `fit` and `evaluate`. `reconstruct` turns amplitudes into\n"
+            "fields again.",
+        .positional_name = "CONFIG",
+        .positional = &a.configuration,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    if (helped) {
+        return PM_OK;
+    }
+    char command[1024];
+    pm_options_line(argc, argv, command, sizeof command);
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    pm_field *field = NULL;
+    pm_basis *basis = NULL;
+    pm_dataset *modes = NULL;
+    pm_arena arena = {0};
+    pm_reduce_settings settings = {0};
+    int count = 0, *trajectory = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_yaml_open(&document, a.configuration, &root));
+    PM_TRY_DONE(pm_field_load(&field, a.data));
+    PM_TRY_DONE(pm_options_folder(a.output));
+    PM_TRY_DONE(read_settings(root, &arena, &settings));
+    const pm_yaml own = pm_yaml_get(root, "trajectories");
+    if (a.trajectories == NULL && a.basis == NULL && pm_yaml_exists(own)) {
+        PM_TRY_DONE(pm_yaml_text(own, &arena, &a.trajectories));
+    }
+    PM_TRY_DONE(
+        pm_trajectories_list(a.trajectories, field->ntrajectory, &arena, &trajectory, &count));
+    if (a.basis != NULL) {
+        PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+    } else {
+        PM_TRY_DONE(pm_reduce_fit(&basis, field, count, trajectory, &settings));
+        printf("modes             %d, of which %d carry the energy; %d features\n", basis->nmode,
+               basis->nstate, pm_basis_features(basis));
+        printf("stiffness         ");
+        for (int i = 0; i < basis->nmode; ++i) {
+            printf("%s%.3g", i == 0 ? "" : i == basis->nstate ? " | " : " ", basis->stiffness[i]);
+        }
+        printf("\n");
+        for (int i = 0; i < basis->nretardation; ++i) {
+            printf("%s%.3g s", i == 0 ? "retardation       " : ", ", basis->retardation[i]);
+        }
+        printf(basis->nretardation > 0 ? "\n" : "");
+        const char *path = pm_arena_printf(&arena, "%s/basis.h5", a.output);
+        PM_TRY_DONE(pm_arena_status(&arena, "a path"));
+        PM_TRY_DONE(pm_basis_save(basis, path, command));
+    }
+    // A dataset to train on contains the symmetric copies; a mere projection does not.
+    PM_TRY_DONE(pm_reduce_project(&modes, basis, field, count, trajectory,
+                                  settings.square && a.basis == NULL, PM_LOADS_OF_ALL));
+    status = pm_modes_save(modes, basis, a.data, "reduce", command, a.output);
+done:
+    pm_dataset_free(modes);
+    pm_arena_free(&arena);
+    pm_basis_free(basis);
+    pm_field_free(field);
+    pm_yaml_close(document);
+    return status;
+}

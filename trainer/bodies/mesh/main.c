@@ -1,0 +1,60 @@
+// portmet-mesh: turns meshes and geometries that Gmsh reads into meshes for scenes and truth files.
+// It is a program of its own, because the library of Gmsh takes longer to load than most commands
+// of portmet-train take.
+#include <stdio.h>
+
+#include "base/options.h"
+#include "base/subcommand.h"
+#include "bodies/mesh/gmsh_file.h"
+
+static pm_status run(int argc, char **argv) {
+    const char *input = NULL, *output = NULL, *clamped = NULL;
+    bool split = false, helped = false;
+    const pm_option table[] = {
+        {"--clamped", NULL, "NAME", NULL, &clamped, false,
+         "the physical group whose nodes do not move (default: clamped), or their plane, such as "
+         "x=0"},
+        {"--split", NULL, NULL, &split, NULL, false,
+         "split tetrahedra, prisms and hexahedra into smaller hexahedra"},
+        {"--output", "-o", "FILE", NULL, &output, true, "mesh to write (HDF5)"},
+    };
+    const pm_options options = {
+        .usage = "portmet-mesh FILE -o MESH [options]",
+        .summary =
+            "Reads a mesh of hexahedra from any FILE that Gmsh reads, such as .msh, .unv, .vtk or\n"
+            ".bdf, or meshes a geometry such as .geo or .step. Lengths are in m. Scenes and truth\n"
+            "files take MESH as `mesh:`.",
+        .positional_name = "FILE",
+        .positional = &input,
+        .count = sizeof table / sizeof *table,
+        .option = table,
+    };
+    pm_arena arena = {0};
+    pm_solid_mesh mesh;
+    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_output("--output", output));
+    if (helped) {
+        return PM_OK;
+    }
+    pm_status status =
+        pm_gmsh_read(&mesh, input, clamped == NULL ? "clamped" : clamped, split, &arena);
+    if (status == PM_OK) {
+        status = pm_solid_mesh_save(&mesh, output);
+    }
+    if (status == PM_OK) {
+        int nclamped = 0;
+        for (int i = 0; i < mesh.nnode; ++i) {
+            nclamped += mesh.clamped[i];
+        }
+        printf("wrote %s: %d hexahedra, %d nodes, of which %d are clamped\n", output, mesh.nelement,
+               mesh.nnode, nclamped);
+    }
+    pm_arena_free(&arena);
+    return status;
+}
+
+int main(int argc, char **argv) {
+    char name[] = "command line"; // in messages, where other programs have a subcommand
+    argv[0] = name;
+    return pm_subcommand_end("portmet-mesh", run(argc, argv));
+}

@@ -1,0 +1,161 @@
+// A fit in progress: its input, its position, and the best weights so far. What it does with the
+// data depends on their kind: states at equal steps (fit/fit_states.c), or measurements with
+// noise, gaps and hidden variables (fit/fit_measured.c).
+#ifndef PM_TRAINER_FIT_FIT_H
+#define PM_TRAINER_FIT_FIT_H
+
+#include <signal.h>
+#include <stdio.h>
+
+#include "base/progress.h"
+#include "data/observation.h"
+#include "data/split.h"
+#include "evaluate/measure.h"
+#include "fit/training.h"
+#include "store/snapshot.h"
+
+// The command line of a fit. Texts are borrowed; NULL: not given.
+typedef struct pm_fit_arguments {
+    const char *config, *data, *output, *trajectories, *validation;
+    const char *data_set; // name of the dataset of measurements; NULL: as the training file says
+    const char *seed;     // of first weights and batches; NULL: as the training file says
+    bool resume, black_box;
+    const pm_team *team; // the processes that train together; NULL: this one alone
+    double limit;        // s of CPU time, after which the fit ends with the weights it has; 0: none
+    char line[1024];     // the whole command, for the weights files
+} pm_fit_arguments;
+
+#define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
+#define PM_FIT_MOST_EXTRA 4
+
+// The position of a fit in its stages.
+typedef struct pm_fit_position {
+    int stage;
+    int done;       // completed iterations of the stage
+    double seconds; // s of training so far
+    double robust;  // the robust scale D^2 (loss/objective.h)
+    int batches;    // adam: completed batches of the next iteration
+    double loss;    // adam: the sum of the losses of these batches
+    double best;    // the score of the best weights; -1: none yet
+    int best_stage; // where the best weights were found
+    int best_done;
+    int attempt; // completed trainings from other initial weights
+    int finer;   // how often the substeps of all stages of steps have been doubled
+} pm_fit_position;
+
+#define PM_FIT_MEASURED_POINT 8 // numbers of a point of the continuation
+
+// The measurements of a fit.
+typedef struct pm_fit_measured {
+    pm_dataset *data; // the measurements
+    pm_observation observation;
+    double *noise; // [observation.count] given noise in the unit of the column; 0: to be estimated
+    double *typical; // [nz] typical size of hidden components; 0: not known
+    // The point from which an interrupted fit goes on (pm_continuation_point, as numbers), with the
+    // noise [observation.count], the gaps and the deviations of later starts [2][nz], and the
+    // starts [nstart] of all windows; f->theta has its weights.
+    double point[PM_FIT_MEASURED_POINT], *point_noise, *point_gap, *point_start;
+    int nstart;
+    long used, samples; // number of samples that the fit uses, and of all samples
+} pm_fit_measured;
+
+typedef struct pm_fit {
+    const pm_fit_arguments *arguments; // borrowed
+    const struct pm_fit_kind *kind;
+    pm_arena arena; // owns all arrays
+    pm_training *training;
+    const char *data;    // path of the dataset
+    pm_dataset *dataset; // reordered by the split
+    pm_fit_measured measured;
+    pm_split split;
+    uint64_t *seen; // [trajectories] their digests
+    const volatile sig_atomic_t *stop;
+    char *checkpoint;                             // path
+    pm_checkpoint_field extra[PM_FIT_MOST_EXTRA]; // [nextra] what else a checkpoint holds
+    int nextra;
+    uint64_t digest;  // of all inputs that determine the result, except the stages
+    int size;         // the number of weights
+    double *theta;    // [size] the present weights
+    double *moment;   // [2][size] the memory of the optimiser
+    double *best;     // [size] the best weights so far
+    double *declared; // [size] the weights before any random draw
+    pm_fit_position position;
+    int interval;     // iterations between two validations
+    double saved;     // s, monotonic clock, at the last checkpoint
+    double loss;      // as last reported
+    double processor; // s of CPU time of the process at the beginning of the fit
+    bool expired;     // the time limit is over
+    int nrow, nscore; // rows of fit.csv, and rows that have a validation
+    FILE *curves;     // fit.csv
+    pm_progress progress;
+} pm_fit;
+
+// What a fit does with one kind of data.
+typedef struct pm_fit_kind {
+    // Loads the data from f->data and makes f->dataset, states at the steps of the scene. May add
+    // to f->extra what a checkpoint needs.
+    pm_status (*load)(pm_fit *f);
+    // Returns the digest of trajectory i of the split.
+    uint64_t (*digest)(const pm_fit *f, int i);
+    // Leaves out what the training does not use, after the digests; NULL: nothing.
+    pm_status (*shorten)(pm_fit *f);
+    // Prints how much data there are, behind the list of trajectories.
+    void (*describe)(const pm_fit *f);
+    // Chooses the initial weights, from the declared and the drawn ones.
+    pm_status (*start)(pm_fit *f);
+    // Goes on from a checkpoint that was loaded; NULL: `run` does so.
+    void (*resume)(pm_fit *f);
+    // Trains; afterwards f->theta and f->best hold the weights.
+    pm_status (*run)(pm_fit *f);
+    // Prints a report of the present weights. `black_box` is a measure of a model without structure
+    // on the validation part, or NULL. PM_EUNFIT if the model is of no use.
+    pm_status (*report)(pm_fit *f, const pm_measure *black_box);
+} pm_fit_kind;
+
+extern const pm_fit_kind pm_fit_of_states, pm_fit_of_measurements;
+
+// --- fit/fit.c ---
+
+// Reads the training file and the data, divides the data, chooses the initial weights, and loads
+// the checkpoint with --resume. `arguments` and `stop` must outlive the fit. The caller closes the
+// fit in any case. Fails like the functions that it calls, with one line that names file and value.
+pm_status pm_fit_open(pm_fit *fit, const pm_fit_arguments *arguments,
+                      const volatile sig_atomic_t *stop);
+// Trains what remains. Afterwards the system holds the best weights. PM_EINTERRUPTED if *stop
+// becomes nonzero; PM_ENUMERIC if the loss is not finite.
+pm_status pm_fit_run(pm_fit *fit);
+void pm_fit_close(pm_fit *fit);
+// Prints a report of the present weights, as pm_fit_kind does.
+pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box);
+
+// --- fit/fit_folder.c: what the kinds of fits use ---
+
+// Returns the CPU time that the fit has taken in this process, in s.
+double pm_fit_processor_time(const pm_fit *fit);
+// Chooses initial weights by short fits to rates (fit/start.h), by the seed of the training and
+// the number of the attempt.
+pm_status pm_fit_search_start(pm_fit *fit);
+// Checks that no two components share a weights file. PM_ECONFIG.
+pm_status pm_fit_check_names(const pm_scene *scene);
+// Writes the checkpoint, and the best weights so far as weights files. If `loud`, prints the names
+// of the weights files. PM_EFILE, PM_ENOMEM.
+pm_status pm_fit_save(pm_fit *fit, bool loud);
+// Loads the checkpoint. PM_EFILE if it is missing or if another training file or dataset made it.
+pm_status pm_fit_load(pm_fit *fit);
+// Returns the weights [size] to be kept: the best by validation, or the present ones if nothing was
+// validated.
+const double *pm_fit_kept(const pm_fit *f);
+
+// --- fit/fit_states.c ---
+
+// Draws fit.csv as fit.png if gnuplot is installed.
+void pm_fit_draw_curves(const pm_fit *f);
+// Returns the verdict on a model that is better than persistence: "good", "fair" or "poor". `score`
+// is the geometric mean over groups of the errors of rollouts relative to persistence, `worst` the
+// largest of these ratios among groups whose error is not negligible.
+const char *pm_fit_grade(double score, double worst);
+// Measures the system on the validation part if `validation` is true, else on the training part.
+// The caller frees *measure. Fails as the functions of evaluate/measure.h do.
+pm_status pm_fit_measure(const pm_fit *fit, bool validation, pm_measure *measure);
+
+#endif

@@ -1,0 +1,208 @@
+// What both kinds of fits use: the choice of initial weights by rates, and the folder of a fit with
+// the checkpoint for --resume and the best weights so far as one file for each subsystem and port.
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "data/trained.h"
+#include "fit/fit.h"
+#include "fit/fold_tangent.h"
+#include "fit/start.h"
+
+// The difference between the seeds of two attempts.
+#define SEED_STRIDE 7000003
+
+double pm_fit_processor_time(const pm_fit *f) {
+    return (double)clock() / CLOCKS_PER_SEC - f->processor;
+}
+
+pm_status pm_fit_search_start(pm_fit *f) {
+    pm_samples samples;
+    if (f->training->tries <= 1) {
+        return PM_OK;
+    }
+    pm_status status = pm_samples_make(&samples, f->training->scene, f->dataset, 0,
+                                       f->split.ntraining, PM_RESIDUAL_DERIVATIVE, 1, 1);
+    if (status == PM_EDATA) {
+        return PM_OK; // the trajectories are too short for rates: keep the first draw
+    }
+    PM_TRY(status);
+    const uint64_t seed = f->training->seed + SEED_STRIDE * (uint64_t)f->position.attempt;
+    status = pm_start_search(f->training, &samples, seed, f->declared, f->theta, f->stop);
+    pm_samples_free(&samples);
+    return status;
+}
+
+// --- weights files ---
+
+static const char *base_name(const char *path) {
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? path : slash + 1;
+}
+
+// Returns the weights file of a component, counting subsystems first, then ports. NULL: the scene
+// has a model of it.
+static const char *weights_of(const pm_scene *scene, int component) {
+    const int n = scene->physics.nsubsystem;
+    return component < n ? scene->physics.subsystem[component].weights
+                         : scene->physics.port[component - n].weights;
+}
+
+// Two components with the same file name would overwrite each other's weights.
+pm_status pm_fit_check_names(const pm_scene *scene) {
+    const int n = scene->physics.nsubsystem, count = n + scene->physics.nport;
+    for (int i = 0; i < count; ++i) {
+        for (int j = i + 1; j < count; ++j) {
+            const char *a = weights_of(scene, i), *b = weights_of(scene, j);
+            if (a != NULL && b != NULL && strcmp(base_name(a), base_name(b)) == 0) {
+                return pm_fail(PM_ECONFIG,
+                               "%s: two components share the weights file %s; train a scene in "
+                               "which each has its own",
+                               j < n ? scene->physics.subsystem[j].weights_at
+                                     : scene->physics.port[j - n].weights_at,
+                               base_name(a));
+            }
+        }
+    }
+    return PM_OK;
+}
+
+const double *pm_fit_kept(const pm_fit *f) {
+    return f->position.best >= 0 ? f->best : f->theta;
+}
+
+// Writes the weights with their tangents folded in (fit/fold_tangent.h). The training continues
+// with the original ones.
+static pm_status save_part(pm_fit *f, int id, const char *path, pm_provenance *p) {
+    pm_part *part = f->training->system->part[id];
+    const pm_scene_subsystem *scene = &f->training->scene->physics.subsystem[id];
+    pm_arena arena = {0};
+    const pm_part_spec spec = part->spec;
+    p->columns = pm_system_columns_digest(scene);
+    p->relative = pm_system_relative_groups(scene, &arena);
+    pm_status status = p->relative == NULL ? pm_fail(PM_ENOMEM, "out of memory for weights")
+                                           : pm_fold_tangent(part, &arena);
+    if (status == PM_OK) {
+        status = pm_weights_save(path, f->training->system->component[id], p);
+    }
+    part->spec = spec;
+    p->columns = 0;
+    p->relative = NULL;
+    pm_arena_free(&arena);
+    return status;
+}
+
+// Writes the kept weights. The system has its present weights again afterwards.
+static pm_status save_weights(pm_fit *f, bool loud) {
+    pm_system *system = f->training->system;
+    double *before = malloc(((size_t)f->size + 1) * sizeof *before);
+    if (before == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for weights");
+    }
+    pm_trained_gather(system, before);
+    pm_trained_scatter(system, pm_fit_kept(f));
+    // What all weights files of the fit share.
+    const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
+    const bool steps = loss->residual == PM_RESIDUAL_STEP;
+    pm_provenance p =
+        (pm_provenance){.command = f->arguments->line,
+                        .data = f->data,
+                        .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
+                        .integrator = steps ? loss->integrator->name : NULL,
+                        .step = steps ? f->training->scene->physics.dt / loss->substeps : 0,
+                        .trajectories = f->split.training,
+                        .nseen = f->dataset->ntrajectory,
+                        .seen = f->seen,
+                        .seed = f->training->seed,
+                        .loss = f->loss,
+                        .seconds = f->position.seconds};
+    pm_status status = PM_OK;
+    for (int i = 0; i < pm_system_components(system) && status == PM_OK; ++i) {
+        const char *weights = weights_of(f->training->scene, i);
+        if (weights != NULL) {
+            char path[4096];
+            snprintf(path, sizeof path, "%s/%s", f->arguments->output, base_name(weights));
+            status = i < system->scene->physics.nsubsystem
+                         ? save_part(f, i, path, &p)
+                         : pm_weights_save(path, system->component[i], &p);
+            if (status == PM_OK && loud) {
+                printf("wrote %s\n", path);
+            }
+        }
+    }
+    pm_trained_scatter(system, before);
+    free(before);
+    return status;
+}
+
+// --- checkpoints ---
+
+#define OWN_FIELDS 4
+#define MOST_FIELDS (OWN_FIELDS + PM_FIT_MOST_EXTRA)
+// Numbers of the position, before the digest of each stage (fit/training.h).
+#define POSITION 11
+#define NUMBERS (POSITION + PM_MAX_TRAINING_STAGES)
+
+// Writes the position as numbers, lists what a checkpoint holds, and returns the number of fields.
+static int fields_of(pm_fit *f, double number[NUMBERS], pm_checkpoint_field field[MOST_FIELDS]) {
+    const pm_fit_position *p = &f->position;
+    const double own[POSITION] = {p->stage,     p->done,    p->seconds, p->robust,
+                                  p->batches,   p->loss,    p->best,    p->best_stage,
+                                  p->best_done, p->attempt, p->finer};
+    memcpy(number, own, sizeof own);
+    for (int i = 0; i < PM_MAX_TRAINING_STAGES; ++i) {
+        number[POSITION + i] = f->training->stage_digest[i];
+    }
+    field[0] = (pm_checkpoint_field){"position", NUMBERS, number};
+    field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
+    field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
+    field[3] = (pm_checkpoint_field){"best", f->size, f->best};
+    memcpy(field + OWN_FIELDS, f->extra, (size_t)f->nextra * sizeof *field);
+    return OWN_FIELDS + f->nextra;
+}
+
+pm_status pm_fit_save(pm_fit *f, bool loud) {
+    double number[NUMBERS];
+    pm_checkpoint_field field[MOST_FIELDS];
+    const double now = pm_clock();
+    f->position.seconds += now - f->saved;
+    f->saved = now;
+    if (!pm_team_leads(f->arguments->team)) {
+        return PM_OK;
+    }
+    const int count = fields_of(f, number, field);
+    PM_TRY(pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field));
+    return save_weights(f, loud);
+}
+
+pm_status pm_fit_load(pm_fit *f) {
+    double number[NUMBERS];
+    pm_checkpoint_field field[MOST_FIELDS];
+    const pm_training *t = f->training;
+    const int count = fields_of(f, number, field);
+    PM_TRY(pm_checkpoint_load(f->checkpoint, "fit", f->digest, count, field));
+    f->position = (pm_fit_position){.stage = (int)number[0],
+                                    .done = (int)number[1],
+                                    .seconds = number[2],
+                                    .robust = number[3],
+                                    .batches = (int)number[4],
+                                    .loss = number[5],
+                                    .best = number[6],
+                                    .best_stage = (int)number[7],
+                                    .best_done = (int)number[8],
+                                    .attempt = (int)number[9],
+                                    .finer = (int)number[10]};
+    // Completed stages and the stage in progress must be the same as in the checkpoint, except for
+    // their number of iterations.
+    for (int i = 0; i <= f->position.stage; ++i) {
+        if (f->position.stage >= t->nstage || number[POSITION + i] != t->stage_digest[i]) {
+            return pm_fail(PM_EFILE, "%s: made by other stages: stage %d of %s has changed since",
+                           f->checkpoint, i + 1, f->arguments->config);
+        }
+    }
+    if (f->kind->resume != NULL) {
+        f->kind->resume(f);
+    }
+    return PM_OK;
+}

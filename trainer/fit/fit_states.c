@@ -1,0 +1,532 @@
+// A fit to states: runs the stages, validates by rollouts on the validation part, which decide
+// which weights are kept, and prints the table of errors and the verdict at the end. fit.csv
+// records losses and errors.
+#include <math.h>
+#include <string.h>
+
+#include "data/trained.h"
+#include "evaluate/gnuplot.h"
+#include "fit/fit.h"
+#include "inference/spectrum.h"
+
+// Training begins again with other initial weights if the best rollouts on the validation part have
+// more than this fraction of the error of persistence.
+#define UNLUCKY 0.02
+#define MOST_ATTEMPTS 3
+// The number of substeps is doubled at most so often.
+#define MOST_FINER 6
+#define MOST_ROLLOUTS 8     // in one validation
+#define MOST_VALIDATIONS 10 // in a stage
+#define FEWEST_ROWS 3       // of fit.csv, below which it is not drawn
+#define SHARE 0.1           // of the time at most, besides one validation at the end of each stage
+// The cost of an operation of a rollout, which runs sample by sample, in operations of the
+// training, which runs in batches.
+#define ROLLOUT_COST 4
+
+// A group that is worse than persistence is unfit only above this relative error. Below, the group
+// hardly changes.
+#define NEGLIGIBLE 0.01
+// Errors relative to persistence below which a verdict is good or fair. A model is not good if one
+// group alone is not fair.
+#define GOOD 0.05
+#define FAIR 0.3
+
+// --- data ---
+
+static pm_status load(pm_fit *f) {
+    PM_TRY(pm_dataset_load(&f->dataset, f->data));
+    const double dt = f->training->scene->physics.dt;
+    if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
+        return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", f->data,
+                       f->dataset->dt, f->training->scene->path, dt);
+    }
+    return PM_OK;
+}
+
+static uint64_t digest(const pm_fit *f, int i) {
+    return pm_dataset_digest(f->dataset, i);
+}
+
+// Leaves out the states after the first seconds of each trajectory.
+static pm_status shorten(pm_fit *f) {
+    const double steps = f->training->seconds / f->dataset->dt * (1 + 1e-9);
+    if (steps < 1) {
+        return pm_fail(PM_EDATA, "%s: seconds: %g s are shorter than a step of %g s",
+                       f->arguments->config, f->training->seconds, f->dataset->dt);
+    }
+    if (steps < f->dataset->ntime - 1) {
+        pm_dataset_shorten(f->dataset, (int)steps + 1);
+    }
+    return PM_OK;
+}
+
+static void describe(const pm_fit *f) {
+    printf("%d states", f->dataset->ntime);
+}
+
+// --- validation and curves ---
+
+static int rollouts_of(const pm_fit *f) {
+    return f->split.nvalidation < MOST_ROLLOUTS ? f->split.nvalidation : MOST_ROLLOUTS;
+}
+
+pm_status pm_fit_measure(const pm_fit *f, bool validation, pm_measure *measure) {
+    const int training = f->split.ntraining;
+    const int first = validation ? training : 0;
+    const int count = validation                 ? f->split.nvalidation
+                      : training < MOST_ROLLOUTS ? training
+                                                 : MOST_ROLLOUTS;
+    const pm_evaluate_how how = {.threads = 2, .stop = f->stop};
+    return pm_measure_make(measure, f->training->system, f->dataset, first, first + count, true,
+                           &how);
+}
+
+// Rolls out on the validation part with the present weights, and keeps them if they are the best so
+// far. Writes their score (evaluate/measure.h) to *score, or NAN without a validation part.
+static pm_status validate(pm_fit *f, double *score) {
+    *score = NAN;
+    if (f->split.nvalidation == 0) {
+        return PM_OK;
+    }
+    const int first = f->split.ntraining;
+    const pm_evaluate_how how = {.threads = 2};
+    pm_measure m;
+    pm_trained_scatter(f->training->system, f->theta);
+    PM_TRY(pm_measure_make(&m, f->training->system, f->dataset, first, first + rollouts_of(f),
+                           false, &how));
+    *score = m.score;
+    if (f->position.best < 0 || m.score < f->position.best) {
+        f->position.best = m.score;
+        f->position.best_stage = f->position.stage;
+        f->position.best_done = f->position.done;
+        memcpy(f->best, f->theta, (size_t)f->size * sizeof *f->best);
+    }
+    pm_measure_free(&m);
+    return PM_OK;
+}
+
+// Writes one row of fit.csv.
+static void write_curves(pm_fit *f, const char *optimiser, double loss, double score) {
+    fprintf(f->curves, "%d,%s,%d,%.3f,%.6e,", f->position.stage + 1, optimiser, f->position.done,
+            f->position.seconds + pm_clock() - f->saved, loss);
+    if (isfinite(score)) {
+        fprintf(f->curves, "%.6e", score);
+        ++f->nscore;
+    }
+    ++f->nrow;
+    fprintf(f->curves, "\n");
+    fflush(f->curves);
+}
+
+void pm_fit_draw_curves(const pm_fit *f) {
+    char path[4096];
+    if (f->nrow < FEWEST_ROWS) {
+        return; // gnuplot warns about empty ranges
+    }
+    snprintf(path, sizeof path, "%s/fit.gp", f->arguments->output);
+    FILE *file = fopen(path, "w");
+    if (file == NULL) {
+        return;
+    }
+    fprintf(file, "set terminal pngcairo size 900,450 font 'DejaVu Sans,11' background 'white'\n"
+                  "set output 'fit.png'\n"
+                  "set datafile separator ','\n"
+                  "set border 3 linecolor '#555555'\n"
+                  "set tics nomirror out\n"
+                  "set grid linetype 1 linecolor '#e4e4e4'\n"
+                  "set logscale y\nset format y '10^{%%L}'\n"
+                  "set xlabel 'time of training, s'\n"
+                  "plot 'fit.csv' using 4:5 every ::1 with lines linecolor '#0072b2' title 'loss'");
+    if (f->nscore > 0) {
+        fprintf(file, ", 'fit.csv' using 4:6 every ::1 with points pointtype 7 linecolor '#d55e00' "
+                      "title 'rollouts on the validation part: error relative to persistence'");
+    }
+    fputc('\n', file);
+    if (fclose(file) == 0) {
+        (void)pm_gnuplot_run(f->arguments->output, "fit.gp"); // a fit does not fail for its picture
+    }
+}
+
+// --- stages ---
+
+static pm_status report_progress(void *context, const pm_optimisation *o, double loss) {
+    pm_fit *f = context;
+    char detail[64];
+    snprintf(detail, sizeof detail, "loss %.3e", loss);
+    pm_progress_update(&f->progress, o->done, detail);
+    f->position.done = o->done;
+    f->position.batches = o->batches;
+    f->position.loss = o->loss;
+    f->loss = loss;
+    if (o->batches == 0) {
+        double score = NAN;
+        const bool last = o->done >= o->schedule.iterations; // validated when the stage has ended
+        if (o->done % f->interval == 0 && !last) {
+            PM_TRY(validate(f, &score));
+        }
+        if (!last) {
+            write_curves(f, f->training->stage[f->position.stage].optimiser->name, loss, score);
+        }
+    }
+    if (pm_team_any(f->arguments->team, *f->stop)) {
+        PM_TRY(pm_fit_save(f, false));
+        return pm_fail(PM_EINTERRUPTED, "interrupted; continue with --resume");
+    }
+    const double limit = f->arguments->limit;
+    f->expired = limit > 0 && pm_fit_processor_time(f) > limit;
+    if (f->expired) {
+        return pm_fail(PM_EINTERRUPTED, "the time for training is over");
+    }
+    return pm_clock() - f->saved > PM_FIT_CHECKPOINT_INTERVAL ? pm_fit_save(f, false) : PM_OK;
+}
+
+static pm_status optimise(pm_fit *f, pm_objective *objective) {
+    const pm_stage *stage = &f->training->stage[f->position.stage];
+    // A stage begins or is resumed.
+    pm_objective_set_weights(objective, f->theta);
+    pm_objective_evaluate(objective, 0, NULL, NULL);       // so that all residuals are up to date
+    if (f->position.done > 0 || f->position.batches > 0) { // resumed
+        pm_objective_set_robust_square(objective, f->position.robust);
+    } else {
+        PM_TRY(pm_objective_rescale(objective, 0, NULL));
+        f->position.robust = pm_objective_robust_square(objective);
+    }
+    pm_optimisation o = {.objective = objective,
+                         .schedule = stage->schedule,
+                         .seed = f->training->seed + 1000 * (uint64_t)(f->position.stage + 1),
+                         .theta = f->theta,
+                         .moment = f->moment,
+                         .done = f->position.done,
+                         .batches = f->position.batches,
+                         .loss = f->position.loss,
+                         .report = report_progress,
+                         .context = f};
+    char label[64];
+    snprintf(label, sizeof label, "stage %d/%d %s", f->position.stage + 1, f->training->nstage,
+             stage->optimiser->name);
+    pm_progress_init(&f->progress, label, stage->schedule.iterations);
+    const double started = pm_clock();
+    const pm_status status = stage->optimiser->run(&o);
+    pm_progress_finish(&f->progress);
+    PM_TRY(f->expired ? PM_OK : status);
+    double score = NAN, median = 0, mean = 0;
+    pm_objective_set_weights(objective, f->theta);
+    PM_TRY(validate(f, &score));
+    write_curves(f, stage->optimiser->name, f->loss, score);
+    pm_objective_evaluate(objective, 0, NULL, NULL); // so that all residuals are up to date
+    PM_TRY(pm_objective_residuals(objective, &median, &mean));
+    printf("%-16s %8d iterations %8.1f s   loss %.3e", label, o.done, pm_clock() - started,
+           f->loss);
+    if (isfinite(score)) {
+        printf("   validation %.3g %% of persistence", 100 * score);
+    }
+    printf("   squared residual: median %.3e mean %.3e\n", median, mean);
+    fflush(stdout);
+    return f->training->plain || f->position.stage < f->training->nstage - 1
+               ? PM_OK
+               : pm_spectrum_report(objective, stdout);
+}
+
+static pm_status run_stage(pm_fit *f) {
+    const pm_stage *stage = &f->training->stage[f->position.stage];
+    pm_samples samples;
+    PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, 0, f->split.ntraining,
+                           stage->loss.residual, stage->unroll, pm_loss_input_order(&stage->loss)));
+    pm_samples_rescale(&samples, stage->loss.scale);
+    pm_objective *objective = NULL;
+    // The number of iterations between two validations of the stage, such that validation takes at
+    // most a tenth of the time. Operations are counted instead of seconds, so that results do not
+    // depend on the clock.
+    const pm_scene *scene = f->training->scene;
+    const pm_integrator *served = scene->physics.integrator;
+    const pm_loss *loss = &stage->loss;
+    const double states = (double)f->split.ntraining * f->dataset->ntime;
+    const bool least_squares = stage->optimiser->least_squares;
+    const double batch = least_squares ? fmin(stage->schedule.batch, states) : states;
+    const double evaluations =
+        loss->residual == PM_RESIDUAL_DERIVATIVE
+            ? 1
+            : (double)loss->substeps * loss->integrator->nstage * stage->unroll;
+    const double backward = least_squares ? 2.0 * scene->physics.nz * stage->unroll : 4;
+    const double training = stage->schedule.iterations * batch * evaluations * backward;
+    const double rollouts = (double)rollouts_of(f) * f->dataset->ntime * scene->physics.substeps *
+                            (served == NULL ? 4 : served->nstage) * ROLLOUT_COST;
+    const double count = fmin(fmax(SHARE * training / fmax(rollouts, 1), 1), MOST_VALIDATIONS);
+    f->interval = (int)ceil(stage->schedule.iterations / floor(count));
+    pm_status status = pm_objective_open(&objective, f->training->system, &samples, &stage->loss);
+    if (status == PM_OK) {
+        status = optimise(f, objective);
+    }
+    pm_objective_close(objective);
+    pm_samples_free(&samples);
+    return status;
+}
+
+// Doubles the number of substeps of all stages of steps.
+static void refine(pm_fit *f) {
+    for (int i = 0; i < f->training->nstage; ++i) {
+        pm_loss *loss = &f->training->stage[i].loss;
+        loss->substeps *= loss->residual == PM_RESIDUAL_STEP ? 2 : 1;
+    }
+}
+
+static void begin_stage(pm_fit *f, int stage) {
+    f->position.stage = stage;
+    f->position.done = f->position.batches = 0;
+    f->position.loss = 0;
+    memset(f->moment, 0, 2 * (size_t)f->size * sizeof *f->moment);
+}
+
+static void resume(pm_fit *f) {
+    printf("resumes stage %d after %d iterations\n", f->position.stage + 1, f->position.done);
+    for (int i = 0; i < f->position.finer; ++i) {
+        refine(f);
+    }
+}
+
+// The checkpoint of the last stage remains, so that a longer last stage can be resumed from it.
+static pm_status run_stages(pm_fit *f) {
+    while (!f->expired) {
+        const int stage = f->position.stage;
+        pm_status status = run_stage(f);
+        // If the stage has failed in its first iteration, its substeps are most likely too long for
+        // an explicit integrator of the model, and it begins again with more of them. What the
+        // training file says exactly stays as it is.
+        while (status == PM_ENUMERIC && !f->training->plain && f->position.done == 0 &&
+               f->position.finer < MOST_FINER &&
+               f->training->stage[stage].loss.residual == PM_RESIDUAL_STEP) {
+            ++f->position.finer;
+            refine(f);
+            printf("stage %d/%d: %s. The steps are too long for the model: %d substeps are "
+                   "taken.\n",
+                   stage + 1, f->training->nstage, pm_error(),
+                   f->training->stage[stage].loss.substeps);
+            status = run_stage(f);
+        }
+        // If it fails later, it ends, and training goes on from the best weights so far.
+        if (status == PM_ENUMERIC && f->position.best >= 0) {
+            printf("stage %d/%d ends after %d iterations: %s. Training goes on from the best "
+                   "weights.\n",
+                   stage + 1, f->training->nstage, f->position.done, pm_error());
+            memcpy(f->theta, f->best, (size_t)f->size * sizeof *f->theta);
+            status = PM_OK;
+        }
+        PM_TRY(status);
+        if (!f->expired) { // also if it has settled before its last iteration
+            f->position.done = f->training->stage[stage].schedule.iterations;
+        }
+        PM_TRY(pm_fit_save(f, false));
+        if (stage + 1 == f->training->nstage) {
+            break;
+        }
+        begin_stage(f, stage + 1);
+    }
+    return PM_OK;
+}
+
+static pm_status run(pm_fit *f) {
+    pm_status status = run_stages(f);
+    // The best weights may be so bad on the validation part that other initial weights are worth
+    // the time.
+    while (status == PM_OK && !f->expired && f->training->tries > 1 &&
+           f->position.attempt + 1 < MOST_ATTEMPTS && f->position.best > UNLUCKY) {
+        ++f->position.attempt;
+        begin_stage(f, 0);
+        printf("rollouts on the validation part are bad: other initial weights are tried\n");
+        status = pm_fit_search_start(f);
+        status = status == PM_OK ? run_stages(f) : status;
+    }
+    return status;
+}
+
+typedef struct fit_report {
+    const pm_fit *fit;
+    pm_measure training, validation;
+    const pm_measure *judged;    // the validation part, or where there is none the training part
+    const pm_measure *black_box; // or NULL
+} fit_report;
+
+// --- the table ---
+
+static void print_number(double value) {
+    if (isnan(value)) {
+        printf(" %8s", "-");
+    } else {
+        printf(" %8.3g", 100 * value);
+    }
+}
+
+static void print_rollouts(const pm_measure_cell *cell) {
+    print_number(cell->rollout.median);
+    print_number(cell->rollout.mean);
+    print_number(cell->rollout.largest);
+}
+
+static void print_cells(const fit_report *r) {
+    const bool both = r->validation.evaluation != NULL;
+    printf("\nErrors, %%             one step%s rollouts: %s%s  persistence%s\n",
+           both ? "          " : " ", both ? "training                   " : "training",
+           both ? "validation           " : "         ", r->black_box != NULL ? "  black box" : "");
+    printf("  %-18s %8s", "part, group", "training");
+    printf(both ? " %8s" : "%s", both ? "valid." : "");
+    for (int i = 0; i < (both ? 2 : 1); ++i) {
+        printf(" %8s %8s %8s", "median", "mean", "worst");
+    }
+    printf(" %8s", "median");
+    printf(r->black_box != NULL ? " %8s\n" : "%s\n", r->black_box != NULL ? "median" : "");
+    for (int c = 0; c < r->training.ncell; ++c) {
+        const pm_measure_cell *t = &r->training.cell[c];
+        printf("  %-10s %-7s", t->part, t->group);
+        print_number(t->one_step);
+        if (both) {
+            print_number(r->validation.cell[c].one_step);
+        }
+        print_rollouts(t);
+        if (both) {
+            print_rollouts(&r->validation.cell[c]);
+        }
+        print_number(r->judged->cell[c].persistence.median);
+        if (r->black_box != NULL) {
+            print_number(r->black_box->cell[c].rollout.median);
+        }
+        printf("\n");
+    }
+    if (r->training.ncell > 0 && isnan(r->training.cell[0].one_step)) {
+        printf("Errors of one step are not measured where boundary inputs act.\n");
+    }
+}
+
+static void print_production(const char *where, const pm_measure *m) {
+    const pm_thermo *t = &m->thermo;
+    for (int i = 0; i < t->count; ++i) {
+        if (strcmp(t->row[i].kind, "production") == 0) {
+            const pm_thermo_row *row = &t->row[i];
+            printf(
+                "Entropy produced over a run, %s: %.3g J/K, off by %.3g %% (mean %.3g, worst %.3g; "
+                "bias %+.3g)\n",
+                where, row->typical, 100 * row->median, 100 * row->mean, 100 * row->largest,
+                100 * row->bias);
+        }
+    }
+}
+
+static void print_laws(const pm_measure *m) {
+    const pm_evaluation *e = m->evaluation;
+    if (pm_system_without_energy(e->system) >= 0) {
+        printf("Laws: not defined, as the model is free of structure and has no energy\n");
+        return;
+    }
+    double residual = 0, drift = 0, fall = 0;
+    long violations = 0;
+    for (int i = 0; i < e->count; ++i) {
+        const pm_ledger *ledger = &e->rollout[i].ledger;
+        residual = fmax(residual, ledger->worst_energy);
+        drift = fmax(drift, ledger->energy_drift);
+        fall = fmax(fall, ledger->worst_entropy_fall);
+        violations += ledger->violations;
+    }
+    printf("Laws: largest energy residual %.2e, steps in violation %ld; the total energy drifts by "
+           "%.2e J at most, the total entropy falls by %.2e J/K at most\n",
+           residual, violations, drift, fall);
+    if (m->thermo.warmest != 0) {
+        printf("Temperatures: %.6g to %.6g K%s\n", m->thermo.coldest, m->thermo.warmest,
+               m->thermo.coldest > 0 ? "" : ", NOT POSITIVE: the energy falls with the entropy");
+    }
+}
+
+// --- the verdict ---
+
+const char *pm_fit_grade(double score, double worst) {
+    return score < GOOD && worst < FAIR ? "good" : score < FAIR ? "fair" : "poor";
+}
+
+static void print_verdict(const fit_report *r, const char *where) {
+    const pm_measure *m = r->judged;
+    // The group whose rollouts have the largest error relative to persistence, if any group has
+    // more than a negligible error.
+    const pm_measure_cell *worst = NULL;
+    double ratio = 0;
+    for (int c = 0; c < m->ncell; ++c) {
+        const pm_measure_cell *cell = &m->cell[c];
+        const double own = cell->rollout.median / cell->persistence.median;
+        if (cell->rollout.median > NEGLIGIBLE && own > ratio) {
+            worst = cell;
+            ratio = own;
+        }
+    }
+    printf("Verdict: %s. On the %s part rollouts have %.3g %% of the error of a state that stays "
+           "as it is (geometric mean over groups",
+           pm_fit_grade(m->score, ratio), where, 100 * m->score);
+    if (worst != NULL && ratio >= GOOD) {
+        printf("; %s of %s is the worst with %.3g %%", worst->group, worst->part, 100 * ratio);
+    }
+    printf(")");
+    if (r->black_box != NULL) {
+        const double times = r->black_box->score / m->score;
+        printf(times >= 1 ? "; %.3g times better than the black box"
+                          : "; %.3g times WORSE than the black box",
+               times >= 1 ? times : 1 / times);
+    }
+    printf(".\n");
+}
+
+static pm_status judge(const fit_report *r) {
+    const pm_measure *m = r->judged;
+    const char *where = m == &r->validation ? "validation" : "training";
+    const pm_measure_cell *worse = NULL; // the first group that is worse than persistence
+    for (int c = m->ncell - 1; c >= 0; --c) {
+        const pm_measure_cell *cell = &m->cell[c];
+        if (cell->rollout.median >= cell->persistence.median && cell->rollout.median > NEGLIGIBLE) {
+            worse = cell;
+        }
+    }
+    if (m->failures > 0) {
+        printf("Verdict: UNFIT. %d of %d rollouts on the %s part are not finite.\n", m->failures,
+               m->evaluation->count, where);
+        return pm_fail(PM_EUNFIT, "%d of %d rollouts on the %s part are not finite", m->failures,
+                       m->evaluation->count, where);
+    }
+    if (worse != NULL || m->score >= 1) {
+        const char *part = worse == NULL ? "all parts" : worse->part;
+        const char *group = worse == NULL ? "all groups" : worse->group;
+        printf(
+            "Verdict: UNFIT. The model is worse than a state that stays as it is, in %s of %s.\n",
+            group, part);
+        return pm_fail(PM_EUNFIT,
+                       "on the %s part the model is worse than a state that stays as it is, in %s "
+                       "of %s",
+                       where, group, part);
+    }
+    print_verdict(r, where);
+    return PM_OK;
+}
+
+static pm_status report(pm_fit *fit, const pm_measure *black_box) {
+    fit_report r = {.fit = fit, .black_box = black_box};
+    pm_status status;
+    PM_TRY_DONE(pm_fit_measure(fit, false, &r.training));
+    r.judged = &r.training;
+    if (fit->split.nvalidation > 0) {
+        PM_TRY_DONE(pm_fit_measure(fit, true, &r.validation));
+        r.judged = &r.validation;
+    }
+    const pm_fit *f = r.fit;
+    print_cells(&r);
+    if (r.judged == &r.validation) {
+        printf("Rollouts of %d training and %d validation trajectories, %d states each.\n",
+               r.training.evaluation->count, r.validation.evaluation->count, f->dataset->ntime);
+    }
+    print_production("training", &r.training);
+    if (r.validation.evaluation != NULL) {
+        print_production("validation", &r.validation);
+    }
+    print_laws(r.judged);
+    status = judge(&r);
+done:
+    pm_measure_free(&r.training);
+    pm_measure_free(&r.validation);
+    return status;
+}
+
+const pm_fit_kind pm_fit_of_states = {load,   digest, shorten, describe, pm_fit_search_start,
+                                      resume, run,    report};

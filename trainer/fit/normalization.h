@@ -1,0 +1,17 @@
+// Computes the constants of a model that are not weights: means and deviations of features, scales
+// of operators, lengths of `along` vectors, and the range of the training states
+// (model/training_range.h). All are statistics of the training data.
+#ifndef PM_TRAINER_FIT_NORMALIZATION_H
+#define PM_TRAINER_FIT_NORMALIZATION_H
+
+#include "data/samples.h"
+#include "scene/system.h"
+
+// Sets these constants in the models of all subsystems and ports of the system. The samples must be
+// windows of one step. Features that contain co-energies are evaluated with the present weights.
+// With `plain` the scales of operators follow the size of states alone; otherwise they also follow
+// the size of rates and energies (data/magnitudes.h), so that training does not depend on units.
+// PM_ECONFIG (too many networks), PM_ENOMEM.
+pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain);
+
+#endif

@@ -1,0 +1,382 @@
+// Multiple shooting with fixed weights on the first samples, and a prediction by the same steps.
+#include "inference/estimate.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "shooting/continuation.h"
+
+// Keeps the equations of a start regular where nothing depends on a component.
+#define LEAST_CURVATURE 1e-12
+
+static pm_sensitivity_how how_of(pm_system *system, const pm_observation *o,
+                                 const pm_tracks *tracks, bool fixed) {
+    const pm_scene *scene = system->scene;
+    return (pm_sensitivity_how){.system = system,
+                                .observation = o,
+                                .integrator = scene->physics.integrator,
+                                .substeps = scene->physics.substeps,
+                                .stretched = tracks->stretched,
+                                .fixed = fixed};
+}
+
+// --- starts ---
+
+// The part of the uncertainty of predictions that comes from the estimated starts.
+typedef struct start_uncertainty {
+    double *by_weights; // [count][nz][nweight] derivative of the estimated start by the weights
+    double *covariance; // [count][nz][nz] of the start at fixed weights
+} start_uncertainty;
+
+// Evaluates the normal equations of the starts and the weights at the estimate, with each track as
+// one window: the start moves with the weights by -own^-1 border.
+static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_uncertainty *u,
+                               start_uncertainty *start) {
+    const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;
+    PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
+    // What neighbouring residuals share is error of the model, which counts by the weights.
+    memcpy(s->terms.noise, u->independent, (size_t)e->ny * sizeof *s->terms.noise);
+    s->terms.huber = INFINITY;
+    memcpy(s->z, e->start, (size_t)(e->count * nz) * sizeof *s->z);
+    pm_shooting_evaluate(s, s->z, true);
+    PM_TRY(s->failed);
+    for (ptrdiff_t i = 0; i < e->count; ++i) {
+        double *own = s->blocks.own + i * nz * nz, *border = s->blocks.border + i * nz * nb;
+        double *covariance = start->covariance + i * nz * nz;
+        for (ptrdiff_t k = 0; k < nz; ++k) {
+            own[k * (nz + 1)] += LEAST_CURVATURE;
+            covariance[k * (nz + 1)] = 1;
+        }
+        if (!pm_cholesky_factor((int)nz, own)) {
+            return pm_fail(PM_ENUMERIC, "the first samples and the priors do not fix a start");
+        }
+        pm_cholesky_back((int)nz, own, (int)nb, border);
+        pm_cholesky_back((int)nz, own, (int)nz, covariance);
+        for (ptrdiff_t k = 0; k < nz * n; ++k) {
+            start->by_weights[i * nz * n + k] = -border[k / n * nb + k % n];
+        }
+    }
+    return PM_OK;
+}
+
+static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_observation *o,
+                                  const pm_tracks *tracks, const pm_uncertainty *u,
+                                  start_uncertainty *start) {
+    const size_t cells = (size_t)e->count * (size_t)e->nz;
+    start->by_weights =
+        pm_arena_array(&e->arena, cells * (size_t)u->nweight + 1, sizeof *start->by_weights);
+    start->covariance = pm_arena_array(&e->arena, cells * (size_t)e->nz, sizeof *start->covariance);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    pm_shooting shooting = {0};
+    const pm_sensitivity_how how = how_of(system, o, tracks, false);
+    pm_status status = pm_shooting_open(&shooting, &how, tracks);
+    for (int c = 0; c < e->nz && status == PM_OK; ++c) {
+        shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
+    }
+    if (status == PM_OK) {
+        status = differentiate(e, &shooting, u, start);
+    }
+    pm_shooting_close(&shooting);
+    return status;
+}
+
+static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
+                             const pm_dataset *dataset, const int *which,
+                             const pm_estimate_how *how, start_uncertainty *start) {
+    pm_tracks tracks;
+    pm_shooting shooting = {0};
+    PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, how->seconds, true));
+    const pm_sensitivity_how own = how_of(system, o, &tracks, true);
+    pm_status status;
+    PM_TRY_DONE(pm_shooting_open(&shooting, &own, &tracks));
+    double *given = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *given);
+    PM_TRY_DONE(pm_arena_status(&e->arena, "an estimate"));
+    if (how->uncertainty != NULL) {
+        memcpy(given, how->uncertainty->noise, (size_t)e->ny * sizeof *given);
+    }
+    for (int c = 0; c < shooting.nz; ++c) {
+        shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
+    }
+    const pm_continuation continuation = {
+        .given = given, .typical = o->deviation, .stop = how->stop};
+    PM_TRY_DONE(pm_continuation_run(&shooting, &continuation));
+    for (int w = 0; w < shooting.nwindow; ++w) {
+        if (!shooting.window[w].follows) {
+            memcpy(e->start + (ptrdiff_t)shooting.window[w].track * e->nz,
+                   shooting.z + (ptrdiff_t)w * e->nz, (size_t)e->nz * sizeof *e->start);
+        }
+    }
+    memcpy(e->noise, shooting.terms.noise, (size_t)e->ny * sizeof *e->noise);
+    if (how->uncertainty != NULL) {
+        status = find_uncertainty(e, system, o, &tracks, how->uncertainty, start);
+    }
+done:
+    pm_shooting_close(&shooting);
+    pm_tracks_free(&tracks);
+    return status;
+}
+
+// --- prediction ---
+
+// A prediction in progress, with work space.
+typedef struct prediction_work {
+    pm_sensitivity *sensitivity;
+    const pm_uncertainty *uncertainty; // NULL: no derivatives
+    const start_uncertainty *start;
+    pm_sensitivity_item item[PM_SENSITIVITY_BATCH];
+    double *y, *by_start, *by_weights; // [PM_SENSITIVITY_BATCH] of [ny], [ny][nz], [ny][nweight]
+    double *product;                   // [ny or nz, the larger][nweight]
+} prediction_work;
+
+// Returns row covariance row' for a symmetric covariance [n][n].
+static double quadratic_form(int n, const double *row, const double *covariance) {
+    double sum = 0;
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        double product = 0;
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            product += covariance[i * n + k] * row[k];
+        }
+        sum += row[i] * product;
+    }
+    return sum;
+}
+
+// Writes the variances [count] that the weights cause in values with the derivatives by_weights
+// [count][nweight].
+static void weight_variances(const prediction_work *p, int count, const double *by_weights,
+                             double *variance) {
+    const ptrdiff_t n = p->uncertainty->nweight;
+    if (n > 0) {
+        pm_gemm(false, false, count, (int)n, (int)n, by_weights, p->uncertainty->covariance,
+                p->product);
+    }
+    for (ptrdiff_t i = 0; i < count; ++i) {
+        variance[i] = 0;
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            variance[i] += by_weights[i * n + k] * p->product[i * n + k];
+        }
+    }
+}
+
+// Follows `count` tracks from their starts together, one sample after the other. The first of them
+// has the number `first` in the estimate.
+static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, int first,
+                   int count) {
+    int longest = 0;
+    // Puts the items of a batch at the starts of the tracks from `first` on.
+    const size_t nz = (size_t)e->nz;
+    for (int i = 0; i < count; ++i) {
+        memcpy(p->item[i].z, e->start + (size_t)(first + i) * nz, nz * sizeof *e->start);
+        if (p->uncertainty != NULL) {
+            const size_t cells = nz * (size_t)p->uncertainty->nweight;
+            pm_sensitivity_start(p->sensitivity, &p->item[i]);
+            memcpy(p->item[i].by_weights, p->start->by_weights + (size_t)(first + i) * cells,
+                   cells * sizeof *p->item[i].by_weights);
+        }
+    }
+    for (int i = 0; i < count; ++i) {
+        longest = track[i].count > longest ? track[i].count : longest;
+    }
+    for (int k = 0; k < longest; ++k) {
+        pm_sensitivity_item *item[PM_SENSITIVITY_BATCH];
+        const pm_track *moving[PM_SENSITIVITY_BATCH];
+        int which[PM_SENSITIVITY_BATCH], sample[PM_SENSITIVITY_BATCH], n = 0;
+        for (int i = 0; i < count; ++i) {
+            moving[i] = &track[i];
+            sample[i] = k < track[i].count ? k : -1;
+            if (k < track[i].count) {
+                which[n] = i;
+                item[n++] = &p->item[i];
+            }
+        }
+        pm_sensitivity_measure(p->sensitivity, n, item, p->y, p->by_start, p->by_weights);
+        for (int i = 0; i < n; ++i) {
+            const ptrdiff_t id = first + which[i], rows = e->ny, states = e->nz;
+            const ptrdiff_t at = id * e->ntime + track[which[i]].sample[k];
+            const pm_uncertainty *u = p->uncertainty;
+            memcpy(e->z + at * states, item[i]->z, nz * sizeof *e->z);
+            memcpy(e->y + at * rows, p->y + i * rows, (size_t)rows * sizeof *e->y);
+            if (u == NULL) {
+                continue;
+            }
+            const double *start = p->start->covariance + id * states * states;
+            double *weights = e->by_weights + at * rows, *state = e->state_deviation + at * states;
+            weight_variances(p, e->ny, p->by_weights + i * rows * u->nweight, weights);
+            for (ptrdiff_t c = 0; c < rows; ++c) {
+                const double own =
+                    quadratic_form(e->nz, p->by_start + (i * rows + c) * states, start);
+                e->deviation[at * rows + c] =
+                    sqrt(u->noise[c] * u->noise[c] + own + u->scale * weights[c]);
+            }
+            weight_variances(p, e->nz, item[i]->by_weights, state);
+            for (ptrdiff_t c = 0; c < states; ++c) {
+                state[c] = sqrt(quadratic_form(e->nz, item[i]->by_start + c * states, start) +
+                                u->scale * state[c]);
+            }
+        }
+        pm_sensitivity_advance(p->sensitivity, count, p->item, moving, sample);
+    }
+}
+
+static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation *o,
+                         const pm_dataset *dataset, const int *which, const pm_estimate_how *how,
+                         const start_uncertainty *start) {
+    pm_tracks tracks;
+    prediction_work p = {.uncertainty = how->uncertainty, .start = start};
+    const size_t nz = (size_t)e->nz, ny = (size_t)e->ny, batch = PM_SENSITIVITY_BATCH;
+    const size_t n = p.uncertainty == NULL ? 0 : (size_t)p.uncertainty->nweight;
+    p.y = pm_arena_array(&e->arena, batch * ny, sizeof *p.y);
+    p.by_start = pm_arena_array(&e->arena, batch * ny * nz, sizeof *p.by_start);
+    p.by_weights = pm_arena_array(&e->arena, batch * ny * n + 1, sizeof *p.by_weights);
+    p.product = pm_arena_array(&e->arena, (ny > nz ? ny : nz) * n + 1, sizeof *p.product);
+    pm_sensitivity_allocate(PM_SENSITIVITY_BATCH, p.item, nz, n, &e->arena);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, INFINITY, false));
+    const pm_sensitivity_how own = how_of(system, o, &tracks, false);
+    pm_status status = pm_sensitivity_open(&p.sensitivity, &own, how->uncertainty != NULL);
+    for (int i = 0; i < e->count && status == PM_OK; i += PM_SENSITIVITY_BATCH) {
+        const int left = e->count - i;
+        follow(e, &p, &tracks.track[i], i,
+               left < PM_SENSITIVITY_BATCH ? left : PM_SENSITIVITY_BATCH);
+        status = how->stop != NULL && *how->stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+    }
+    pm_sensitivity_close(p.sensitivity);
+    pm_tracks_free(&tracks);
+    return status;
+}
+
+// Returns an array of NaN; NULL: out of memory.
+static double *array_of_nan(pm_arena *arena, size_t n) {
+    double *array = pm_arena_array(arena, n, sizeof *array);
+    for (size_t i = 0; i < n && array != NULL; ++i) {
+        array[i] = NAN;
+    }
+    return array;
+}
+
+pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,
+                           const pm_dataset *dataset, int count, const int *which,
+                           const pm_estimate_how *how) {
+    start_uncertainty start = {NULL, NULL};
+    *e = (pm_estimate){.count = count,
+                       .ntime = dataset->ntime,
+                       .ny = o->count,
+                       .nz = system->scene->physics.nz,
+                       .until = how->until > 0 ? how->until : INFINITY};
+    const size_t samples = (size_t)e->count * (size_t)e->ntime;
+    const size_t ny = (size_t)e->ny, nz = (size_t)e->nz;
+    e->start = pm_arena_array(&e->arena, (size_t)e->count * nz, sizeof *e->start);
+    e->noise = pm_arena_array(&e->arena, ny, sizeof *e->noise);
+    e->y = array_of_nan(&e->arena, samples * ny);
+    e->z = array_of_nan(&e->arena, samples * nz);
+    if ((how->uncertainty != NULL)) {
+        e->deviation = array_of_nan(&e->arena, samples * ny);
+        e->by_weights = array_of_nan(&e->arena, samples * ny);
+        e->state_deviation = array_of_nan(&e->arena, samples * nz);
+    }
+    pm_status status = pm_arena_status(&e->arena, "an estimate");
+    if (status == PM_OK) {
+        status = find_starts(e, system, o, dataset, which, how, &start);
+    }
+    if (status == PM_OK) {
+        status = predict(e, system, o, dataset, which, how, &start);
+    }
+    if (status != PM_OK) {
+        pm_estimate_free(e);
+    }
+    return status;
+}
+
+void pm_estimate_free(pm_estimate *e) {
+    pm_arena_free(&e->arena);
+    *e = (pm_estimate){0};
+}
+
+// --- scores ---
+
+// The measurement of sample k of an estimate, or NAN if there is none that counts after the first
+// seconds.
+static double later_sample(const pm_estimate *e, const pm_observation *o, const pm_dataset *d,
+                           int trajectory, double seconds, int k, int column) {
+    const double t = pm_dataset_time(d, trajectory, k) - pm_dataset_time(d, trajectory, 0);
+    return t > seconds && t <= e->until ? pm_dataset_state(d, trajectory, k)[o->column[column]]
+                                        : NAN;
+}
+
+double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                         const int *which, double seconds, int id, int column) {
+    double mean = 0, square = 0, miss = 0;
+    int n = 0;
+    for (int k = 0; k < e->ntime; ++k) {
+        const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
+        mean += isnan(y) ? 0 : y;
+        n += !isnan(y);
+    }
+    mean /= n > 0 ? n : 1;
+    for (int k = 0; k < e->ntime; ++k) {
+        const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
+        const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
+        miss += isnan(y) ? 0 : r * r;
+        square += isnan(y) ? 0 : (y - mean) * (y - mean);
+    }
+    return n == 0 ? NAN : isfinite(miss) ? sqrt(miss / square) : INFINITY;
+}
+
+pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                          const int *which, double seconds, int column) {
+    double *error = malloc((size_t)e->count * sizeof *error);
+    if (error == NULL) {
+        return (pm_box){.median = NAN, .mean = NAN, .largest = NAN};
+    }
+    for (int i = 0; i < e->count; ++i) {
+        error[i] = pm_estimate_error(e, o, dataset, which, seconds, i, column);
+    }
+    const pm_box box = pm_box_of(e->count, error);
+    free(error);
+    return box;
+}
+
+double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
+                                 const pm_dataset *dataset, const int *which, double seconds,
+                                 int column) {
+    const size_t most = (size_t)e->count * (size_t)e->ntime;
+    double *y = malloc(2 * most * sizeof *y), *miss = y == NULL ? NULL : y + most;
+    double error = NAN;
+    int n = 0;
+    for (int i = 0; y != NULL && i < e->count; ++i) {
+        for (int k = 0; k < e->ntime; ++k) {
+            const double value = later_sample(e, o, dataset, which[i], seconds, k, column);
+            if (!isnan(value)) {
+                y[n] = value;
+                miss[n++] = fabs(e->y[((ptrdiff_t)i * e->ntime + k) * e->ny + column] - value);
+            }
+        }
+    }
+    if (n > 0) {
+        const double middle = pm_box_of(n, y).median;
+        for (int k = 0; k < n; ++k) {
+            y[k] = fabs(y[k] - middle);
+        }
+        error = pm_box_of(n, miss).median / pm_box_of(n, y).median;
+    }
+    free(y);
+    return error;
+}
+
+double pm_estimate_coverage(const pm_estimate *e, const pm_observation *o,
+                            const pm_dataset *dataset, const int *which, double seconds, int column,
+                            double width) {
+    long inside = 0, all = 0;
+    for (int i = 0; i < e->count && e->deviation != NULL; ++i) {
+        for (int k = 0; k < e->ntime; ++k) {
+            const double y = later_sample(e, o, dataset, which[i], seconds, k, column);
+            const ptrdiff_t at = ((ptrdiff_t)i * e->ntime + k) * e->ny + column;
+            inside += !isnan(y) && fabs(e->y[at] - y) <= width * e->deviation[at];
+            all += !isnan(y);
+        }
+    }
+    return all > 0 ? (double)inside / (double)all : NAN;
+}

@@ -1,0 +1,158 @@
+// Computes the eigenvalues of the Gauss-Newton matrix, scaled to a unit diagonal, and attributes
+// the flat directions to blocks of weights.
+#include "inference/spectrum.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "data/trained.h"
+#include "model/network.h"
+#include "optimise/normal_equations.h"
+
+#define MOST_WEIGHTS 1500   // beyond which the matrix is not computed
+#define MOST_RESIDUALS 300  // of a sample, likewise
+#define MOST_DECOMPOSED 500 // beyond which eigenvectors are not computed
+#define SAMPLES 512
+// Directions with eigenvalues below this are flat; the mean eigenvalue is 1.
+#define FLAT 1e-10
+#define MOST_NAMED 4
+#define WARMER 0.01     // relative
+#define NEGLIGIBLE 1e-5 // part of an effect of which rounding decides
+#define MATCHED 1e-3    // part of an effect below which other weights make up for it
+
+// A block of weights, and the number of flat directions that it accounts for.
+typedef struct block {
+    const char *component, *name;
+    int first, size;
+    double share;
+} block;
+
+static int compare(const void *a, const void *b) {
+    const block *x = a, *y = b;
+    return (x->share < y->share) - (x->share > y->share);
+}
+
+static void report_flat(int n, double *h, int nblock, block *list, double *value, double *vector,
+                        FILE *out) {
+    if (!pm_eigen_largest(n, h, n, value, vector)) {
+        return; // a report must not fail a fit
+    }
+    int flat = 0;
+    for (int k = 0; k < n; ++k) {
+        if (value[k] > FLAT) {
+            continue;
+        }
+        ++flat;
+        for (int b = 0; b < nblock; ++b) {
+            for (int i = 0; i < list[b].size; ++i) {
+                const double part = vector[(ptrdiff_t)k * n + list[b].first + i];
+                list[b].share += part * part;
+            }
+        }
+    }
+    qsort(list, (size_t)nblock, sizeof *list, compare);
+    fprintf(out, "flat directions: %d of %d%s", flat, n, flat > 0 ? ", most in" : "");
+    for (int b = 0; b < nblock && b < MOST_NAMED && list[b].share > 0.5; ++b) {
+        fprintf(out, "%s %s %s (%.0f)", b == 0 ? "" : ",", list[b].component, list[b].name,
+                list[b].share);
+    }
+    fputc('\n', out);
+}
+
+static void report_unexamined(int n, FILE *out) {
+    fprintf(out, "flat directions: not examined, since %d weights are more than %d\n", n,
+            MOST_DECOMPOSED);
+}
+
+static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal, pm_arena *arena,
+                        FILE *out) {
+    const int n = pm_objective_size(objective), all = pm_objective_samples(objective);
+    const pm_system *system = pm_objective_context(objective).system;
+    const int nblock = pm_trained_list(system, NULL);
+    const size_t size = (size_t)n, square = n <= MOST_DECOMPOSED ? size * size : 0;
+    pm_trained *trained = pm_arena_array(arena, (size_t)nblock + 1, sizeof *trained);
+    block *list = pm_arena_array(arena, (size_t)nblock + 1, sizeof *list);
+    double *hessian = pm_arena_array(arena, size * size, sizeof *hessian);
+    double *gradient = pm_arena_array(arena, size, sizeof *gradient);
+    double *value = pm_arena_array(arena, size, sizeof *value);
+    double *vector = pm_arena_array(arena, square + 1, sizeof *vector);
+    PM_TRY(pm_arena_status(arena, "a spectrum"));
+    pm_trained_list(system, trained);
+    int warmth = -1; // the weight by which all temperatures rise; -1: no temperature is learned
+    for (int b = 0; b < nblock; ++b) {
+        list[b] = (block){.component = pm_trained_name(system, trained[b].component),
+                          .name = trained[b].entry->name,
+                          .first = trained[b].first,
+                          .size = trained[b].size};
+        warmth = warmth < 0 && strcmp(list[b].name, PM_WARMTH) == 0 ? list[b].first : warmth;
+    }
+    int index[SAMPLES], count = 0;
+    for (; count < SAMPLES && count < all; ++count) {
+        index[count] = (int)((long)count * all / (all < SAMPLES ? all : SAMPLES));
+    }
+    pm_gauss_newton_matrix_evaluate(normal, count, index, gradient, hessian);
+    // The matrix is scaled to a unit diagonal. Rows of weights without any effect become 0.
+    for (int i = 0; i < n; ++i) {
+        gradient[i] = sqrt(fmax(hessian[(ptrdiff_t)i * n + i], 0));
+    }
+    for (int i = 0; i < n; ++i) {
+        for (int j = i; j < n; ++j) {
+            double *entry = &hessian[(ptrdiff_t)i * n + j];
+            *entry = gradient[i] > 0 && gradient[j] > 0 ? *entry / (gradient[i] * gradient[j]) : 0;
+            hessian[(ptrdiff_t)j * n + i] = *entry;
+        }
+    }
+    if (warmth >= 0) {
+        fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n",
+                WARMER * gradient[warmth]);
+        // Which part of this effect remains if all other weights change so as to make up for it, as
+        // far as they can: 1/sqrt(H_aa (H^-1)_aa) for the matrix H, which is scaled to a unit
+        // diagonal. The part counts as NEGLIGIBLE where rounding decides.
+        double part = 1;
+        if (n <= MOST_DECOMPOSED) {
+            memcpy(vector, hessian, square * sizeof *vector);
+            memset(value, 0, size * sizeof *value);
+            for (ptrdiff_t i = 0; i < n; ++i) {
+                vector[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
+            }
+            value[warmth] = 1;
+            part = pm_cholesky_solve(n, vector, value) && value[warmth] > 0
+                       ? 1 / sqrt(value[warmth])
+                       : 1;
+        }
+        if (part < MATCHED) {
+            fprintf(out,
+                    "temperatures are hardly determined: other weights can make up for all but "
+                    "%.2g %% of this change. Where no coefficient of L is given, the scale of all "
+                    "energies is free, and parts fit together by the learned couplings alone; give "
+                    "a coefficient that is known.\n",
+                    100 * part);
+        }
+    }
+    if (n <= MOST_DECOMPOSED) {
+        report_flat(n, hessian, nblock, list, value, vector, out);
+    } else {
+        report_unexamined(n, out);
+    }
+    fflush(out);
+    return PM_OK;
+}
+
+pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
+    const int n = pm_objective_size(objective);
+    pm_gauss_newton_matrix *normal = NULL;
+    pm_arena arena = {0};
+    if (n > MOST_WEIGHTS) {
+        report_unexamined(n, out);
+    }
+    if (n == 0 || n > MOST_WEIGHTS || pm_objective_residual_count(objective) > MOST_RESIDUALS) {
+        return PM_OK;
+    }
+    PM_TRY(pm_gauss_newton_matrix_open(&normal, objective));
+    const pm_status status = report(objective, normal, &arena, out);
+    pm_gauss_newton_matrix_close(normal);
+    pm_arena_free(&arena);
+    return status;
+}

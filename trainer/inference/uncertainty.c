@@ -1,0 +1,538 @@
+// The covariance of the weights, its file, and what it says in the names of the scene.
+#include "inference/uncertainty.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "base/linalg.h"
+#include "data/trained.h"
+#include "store/hdf5_io.h"
+
+#define FILE_NAME "measured.h5"
+// Lags of the autocorrelation, until it falls below a limit.
+#define MOST_LAGS 400
+#define LEAST_CORRELATION 0.05
+// A start, or a weight, keeps at least this part of the deviation of its prior if the data tell
+// nothing about it.
+#define PRIOR_ALONE 0.5
+// Fewer trajectories than this do not show by themselves how much trajectories disagree.
+#define FEWEST_COMPARED 5
+// Of a normal distribution: the standard deviation divided by the median absolute value.
+#define NORMAL_MEDIAN 1.4826022185056018
+
+#define MOST_DIRECTIONS 500 // beyond which eigenvectors take too long
+#define MOST_PRINTED 6      // directions
+#define UNFIXED 0.25        // standard deviation along a direction that the data do not fix
+#define SINGLE 0.95         // part of the square of a direction that makes it one constant
+#define NAMED 0.15          // of the largest change, at least, of the constants that are named
+#define COLLINEAR 20        // collinearity index of constants that are hard to tell apart
+
+// --- autocorrelation ---
+
+static double samples_per_residual(const pm_shooting *s) {
+    double sum = 1;
+    for (int lag = 1; lag <= MOST_LAGS; ++lag) {
+        // The mean product of residuals that are `lag` samples apart, in units of the noise.
+        double product = 0, square = 0;
+        for (int i = 0; i < s->tracks->count; ++i) {
+            const pm_track *t = &s->tracks->track[i];
+            for (int k = 0; k + lag < t->count; ++k) {
+                for (int c = 0; c < s->ny; ++c) {
+                    const ptrdiff_t at = (ptrdiff_t)k * s->ny + c;
+                    const ptrdiff_t later = at + (ptrdiff_t)lag * s->ny;
+                    if (isfinite(t->y[at]) && isfinite(t->y[later])) {
+                        const double a = s->residual[i][at] / s->terms.noise[c];
+                        const double b = s->residual[i][later] / s->terms.noise[c];
+                        product += a * b;
+                        square += 0.5 * (a * a + b * b);
+                    }
+                }
+            }
+        }
+        const double r = square > 0 ? product / square : 0;
+        if (r < LEAST_CORRELATION) {
+            break;
+        }
+        sum += 2 * r;
+    }
+    return sum;
+}
+
+// --- independent noise ---
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+// --- disagreement of trajectories ---
+
+// Compares the gradients g of single trajectories with their covariance: the mean of g' H^-1 g over
+// all directions that the data fix is 1 if trajectories differ by independent noise alone.
+// `inverse` is H^-1 [nweight][nweight]. `gradient` [nwindow][nweight] is zero. 0: not known.
+static double disagreement(pm_shooting *s, const double *inverse, double *gradient) {
+    const ptrdiff_t n = s->nweight;
+    double sum = 0, fixed = 0;
+    // Where every track is one window, its part of the equations can be evaluated alone.
+    bool known = s->nwindow > 1;
+    for (int w = 0; w < s->nwindow; ++w) {
+        known = known && !s->window[w].follows && s->window[w].ends;
+    }
+    if (known) {
+        s->blocks.window_gradient = gradient;
+        pm_shooting_evaluate(s, s->z, true);
+        s->blocks.window_gradient = NULL;
+        known = s->failed == PM_OK;
+    }
+    for (ptrdiff_t w = 0; w < s->nwindow && known; ++w) {
+        // Takes the influence of its start out of the gradient of the track that is window w,
+        // unless the start is free.
+        const ptrdiff_t nz = s->nz, nb = s->nborder;
+        double *own = s->blocks.own + w * nz * nz, *border = s->blocks.border + w * nz * nb;
+        known = pm_cholesky_factor(s->nz, own);
+        if (known) {
+            double *start = s->blocks.factor; // own^-1 times the gradient by the start
+            for (ptrdiff_t i = 0; i < nz; ++i) {
+                start[i] = border[i * nb + n];
+            }
+            pm_cholesky_back(s->nz, own, 1, start);
+            for (ptrdiff_t i = 0; i < nz; ++i) {
+                for (ptrdiff_t k = 0; k < n; ++k) {
+                    gradient[w * n + k] -= border[i * nb + k] * start[i];
+                }
+            }
+        }
+    }
+    for (int i = 0; i < s->nwindow && known; ++i) {
+        const double *own = gradient + i * n;
+        for (ptrdiff_t k = 0; k < n; ++k) {
+            double product = 0;
+            for (ptrdiff_t l = 0; l < n; ++l) {
+                product += inverse[k * n + l] * own[l];
+            }
+            sum += own[k] * product;
+        }
+    }
+    for (ptrdiff_t k = 0; k < n; ++k) {
+        const double reach = s->terms.reach[k];
+        fixed += reach > 0 ? fmax(1 - inverse[k * (n + 1)] / (reach * reach), 0) : 1;
+    }
+    return known && fixed > 0.5 ? sum / fixed * s->nwindow / (s->nwindow - 1) : 0;
+}
+
+// --- making ---
+
+static pm_status allocate(pm_uncertainty *u) {
+    const size_t n = (size_t)u->nweight, nz = (size_t)u->nz;
+    u->covariance = pm_arena_array(&u->arena, n * n + 1, sizeof *u->covariance);
+    u->weights = pm_arena_array(&u->arena, n + 1, sizeof *u->weights);
+    u->noise = pm_arena_array(&u->arena, (size_t)u->ny, sizeof *u->noise);
+    u->independent = pm_arena_array(&u->arena, (size_t)u->ny, sizeof *u->independent);
+    u->start = pm_arena_array(&u->arena, nz, sizeof *u->start);
+    u->spread = pm_arena_array(&u->arena, nz, sizeof *u->spread);
+    u->unknown = pm_arena_array(&u->arena, nz, sizeof *u->unknown);
+    return pm_arena_status(&u->arena, "uncertainties");
+}
+
+static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
+    const size_t n = (size_t)s->nweight, windows = (size_t)s->nwindow, nz = (size_t)s->nz;
+    size_t samples = 1;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        samples += (size_t)s->tracks->track[i].count;
+    }
+    double *step = pm_arena_array(scratch, n + windows * nz, sizeof *step);
+    double *size = pm_arena_array(scratch, samples, sizeof *size);
+    double *work = pm_arena_array(scratch, nz, sizeof *work);
+    double *gradient = pm_arena_array(scratch, windows * n + 1, sizeof *gradient);
+    PM_TRY(allocate(u));
+    PM_TRY(pm_arena_status(scratch, "uncertainties"));
+    pm_shooting_evaluate(s, s->z, true);
+    const bool solved = s->failed == PM_OK && pm_shooting_solve(s, 0, step, step + n);
+    if (!solved) {
+        PM_TRY(s->failed);
+        return pm_fail(PM_ENUMERIC, "the measurements and the priors do not fix all weights");
+    }
+    u->samples_per_residual = samples_per_residual(s);
+    // The inverse of the Cholesky factor that the solution left.
+    for (size_t i = 0; i < n; ++i) {
+        u->covariance[i * (n + 1)] = 1;
+    }
+    if (n > 0) {
+        pm_cholesky_back(s->nweight, s->blocks.reduced, s->nweight, u->covariance);
+    }
+    pm_shooting_weights(s, u->weights);
+    memcpy(u->noise, s->terms.noise, (size_t)u->ny * sizeof *u->noise);
+    // Finds the part of the residuals that differs from sample to sample, from the median
+    // difference of neighbouring residuals. `size` is work space for all samples.
+    for (int c = 0; c < u->ny; ++c) {
+        size_t count = 0;
+        for (int i = 0; i < s->tracks->count; ++i) {
+            const pm_track *t = &s->tracks->track[i];
+            for (int k = 0; k + 1 < t->count; ++k) {
+                const ptrdiff_t at = (ptrdiff_t)k * s->ny + c, next = at + s->ny;
+                if (isfinite(t->y[at]) && isfinite(t->y[next])) {
+                    size[count++] = fabs(s->residual[i][next] - s->residual[i][at]);
+                }
+            }
+        }
+        qsort(size, count, sizeof *size, compare);
+        const double all = s->terms.noise[c];
+        u->independent[c] = count == 0 ? all : fmin(NORMAL_MEDIAN / sqrt(2) * size[count / 2], all);
+    }
+    // Mean and spread of the first starts, and how much of their priors they keep.
+    for (int c = 0; c < s->nz; ++c) {
+        double mean = 0, square = 0, variance = 0;
+        int count = 0;
+        for (int w = 0; w < s->nwindow; ++w) {
+            if (!s->window[w].follows) {
+                const double z = s->z[(ptrdiff_t)w * s->nz + c];
+                mean += z;
+                square += z * z;
+                // The variance of the start at fixed weights and later starts. It is exact where
+                // the track is one window.
+                memset(work, 0, (size_t)s->nz * sizeof *work);
+                work[c] = 1;
+                pm_cholesky_back(s->nz, s->blocks.factor + (ptrdiff_t)w * s->nz * s->nz, 1, work);
+                variance += work[c];
+                ++count;
+            }
+        }
+        mean /= count;
+        u->start[c] = mean;
+        u->spread[c] = sqrt(fmax(square / count - mean * mean, 0));
+        u->unknown[c] = s->terms.prior[c] > 0 ? sqrt(variance / count) / s->terms.prior[c] : 0;
+    }
+    const double ratio = disagreement(s, u->covariance, gradient);
+    const bool compared = ratio > 0 && s->nwindow >= FEWEST_COMPARED;
+    u->inflation = fmax(compared ? 1 : u->samples_per_residual, ratio);
+    for (size_t i = 0; i < n * n; ++i) {
+        u->covariance[i] *= u->inflation;
+    }
+    return PM_OK;
+}
+
+pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s) {
+    *u = (pm_uncertainty){.nweight = s->nweight, .ny = s->ny, .nz = s->nz, .scale = 1};
+    pm_arena scratch = {0};
+    const pm_status status = make(u, s, &scratch);
+    pm_arena_free(&scratch);
+    if (status != PM_OK) {
+        pm_uncertainty_free(u);
+    }
+    return status;
+}
+
+void pm_uncertainty_free(pm_uncertainty *u) {
+    pm_arena_free(&u->arena);
+    *u = (pm_uncertainty){0};
+}
+
+// --- the file ---
+
+pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder) {
+    char path[4096];
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    snprintf(path, sizeof path, "%s/" FILE_NAME, folder);
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
+    const int square[2] = {u->nweight, u->nweight};
+    if (u->nweight > 0) {
+        PM_TRY_DONE(pm_hdf5_write(file, "/covariance", 2, square, u->covariance));
+        PM_TRY_DONE(pm_hdf5_write(file, "/weights", 1, square, u->weights));
+    }
+    PM_TRY_DONE(pm_hdf5_write(file, "/noise", 1, &u->ny, u->noise));
+    PM_TRY_DONE(pm_hdf5_write(file, "/independent", 1, &u->ny, u->independent));
+    PM_TRY_DONE(pm_hdf5_write(file, "/start", 1, &u->nz, u->start));
+    PM_TRY_DONE(pm_hdf5_write(file, "/spread", 1, &u->nz, u->spread));
+    PM_TRY_DONE(pm_hdf5_write(file, "/unknown", 1, &u->nz, u->unknown));
+    PM_TRY_DONE(pm_hdf5_write_number(file, "/", "inflation", u->inflation));
+    PM_TRY_DONE(pm_hdf5_write_number(file, "/", "scale", u->scale));
+    PM_TRY_DONE(pm_hdf5_write_number(file, "/", "samples_per_residual", u->samples_per_residual));
+    status = pm_hdf5_commit(file);
+done:
+    pm_hdf5_close(file);
+    return status;
+}
+
+pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, pm_system *system,
+                              const pm_observation *o, bool *found) {
+    char path[4096];
+    pm_hdf5 *file = NULL;
+    pm_status status;
+    *u = (pm_uncertainty){.ny = o->count, .nz = system->scene->physics.nz};
+    snprintf(path, sizeof path, "%s/" FILE_NAME, folder);
+    *found = access(path, R_OK) == 0;
+    if (!*found) {
+        return PM_OK;
+    }
+    pm_trained_share(system);
+    u->nweight = pm_trained_count(system);
+    PM_TRY_DONE(pm_hdf5_open(&file, path, PM_HDF5_OWN, PM_EWEIGHTS));
+    const int square[2] = {u->nweight, u->nweight};
+    PM_TRY_DONE(allocate(u));
+    if (u->nweight > 0) {
+        PM_TRY_DONE(pm_hdf5_read(file, "/covariance", 2, square, u->covariance));
+        PM_TRY_DONE(pm_hdf5_read(file, "/weights", 1, square, u->weights));
+    }
+    PM_TRY_DONE(pm_hdf5_read(file, "/noise", 1, &u->ny, u->noise));
+    PM_TRY_DONE(pm_hdf5_read(file, "/independent", 1, &u->ny, u->independent));
+    PM_TRY_DONE(pm_hdf5_read(file, "/start", 1, &u->nz, u->start));
+    PM_TRY_DONE(pm_hdf5_read(file, "/spread", 1, &u->nz, u->spread));
+    PM_TRY_DONE(pm_hdf5_read(file, "/unknown", 1, &u->nz, u->unknown));
+    PM_TRY_DONE(pm_hdf5_read_number(file, "/", "inflation", &u->inflation));
+    PM_TRY_DONE(pm_hdf5_read_number(file, "/", "scale", &u->scale));
+    status = pm_hdf5_read_number(file, "/", "samples_per_residual", &u->samples_per_residual);
+done:
+    pm_hdf5_close(file);
+    if (status != PM_OK) {
+        pm_uncertainty_free(u);
+    }
+    return status;
+}
+
+// --- words ---
+
+// Prints the constants of one component and counts its other weights that only the prior fixes.
+static void print_component(const pm_uncertainty *u, const pm_shooting *s, int id, size_t *at) {
+    const pm_params *params = pm_system_params(s->how.system, id);
+    const char *name = pm_trained_name(s->how.system, id);
+    int loose = 0, all = 0;
+    for (int k = 0; k < params->count; ++k) {
+        const pm_param_entry *entry = &params->entry[k];
+        const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+        for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++*at) {
+            const double deviation = sqrt(u->covariance[*at * ((size_t)u->nweight + 1)]);
+            const double reach = s->terms.reach[*at], value = entry->value[j];
+            const bool prior = reach > 0 && deviation > PRIOR_ALONE * reach;
+            const bool logarithm = reach == PM_SHOOTING_REACH; // a positive constant
+            if (!constant) {
+                loose += prior;
+                ++all;
+            } else if (prior) {
+                printf("  %s.%s: the data do not fix it (%.3g)\n", name, entry->name + 9,
+                       logarithm ? exp(value) : value);
+            } else if (logarithm) {
+                printf("  %s.%s = %.5g, standard deviation %.2g %%\n", name, entry->name + 9,
+                       exp(value), 100 * deviation);
+            } else {
+                printf("  %s.%s = %.5g, standard deviation %.2g\n", name, entry->name + 9, value,
+                       deviation);
+            }
+        }
+    }
+    if (loose > 0) {
+        printf("  %s: %d of %d weights of its networks follow from the prior alone\n", name, loose,
+               all);
+    }
+}
+
+void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s) {
+    size_t at = 0;
+    printf("What the measurements fix (variances are %.3g times those of independent noise; %.3g "
+           "samples in a row count as one):\n",
+           u->inflation, u->samples_per_residual);
+    if (u->scale != 1) {
+        printf("  bands: the variance that the weights cause counts %.3g times, as predictions of "
+               "trajectories that were left out show\n",
+               u->scale);
+    }
+    for (int c = 0; c < s->ny; ++c) {
+        printf("  %s: residual %.3g\n", s->observation->name[c], u->noise[c]);
+    }
+    for (int i = 0; i < pm_system_components(s->how.system); ++i) {
+        print_component(u, s, i, &at);
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        if (u->unknown[c] > PRIOR_ALONE) {
+            printf("  %s: the data do not fix its start; it follows from the guess in the scene\n",
+                   s->observation->component_name[c]);
+        }
+    }
+    fflush(stdout);
+}
+
+// --- directions: the eigenvectors of the covariance of all weights, in the names of the scene ---
+
+// A weight of the fit.
+typedef struct weight {
+    const char *component, *name; // name: NULL for a weight of a network
+    const char *at;               // place of its model in the training file
+    bool logarithm;
+    double unit; // its change that counts as 1 in a direction
+} weight;
+
+// Work space for directions [nweight] of weights.
+typedef struct directions {
+    weight *list;
+    double *matrix, *vector, *value; // [nweight][nweight], likewise, [nweight]
+} directions;
+
+static pm_status open_directions(directions *d, const pm_shooting *s, pm_arena *arena) {
+    const pm_system *system = s->how.system;
+    const size_t n = (size_t)s->nweight;
+    const int count = pm_trained_list(system, NULL);
+    pm_trained *trained = pm_arena_array(arena, (size_t)count, sizeof *trained);
+    d->list = pm_arena_array(arena, n, sizeof *d->list);
+    d->matrix = pm_arena_array(arena, n * n, sizeof *d->matrix);
+    d->vector = pm_arena_array(arena, n * n, sizeof *d->vector);
+    d->value = pm_arena_array(arena, n, sizeof *d->value);
+    PM_TRY(pm_arena_status(arena, "directions of weights"));
+    pm_trained_list(system, trained);
+    for (int i = 0; i < count; ++i) {
+        const char *name = trained[i].entry->name;
+        const bool constant = strncmp(name, "constant.", 9) == 0;
+        for (int j = 0; j < trained[i].size; ++j) {
+            const int at = trained[i].first + j;
+            const double reach = s->terms.reach[at];
+            const bool logarithm = constant && reach == PM_SHOOTING_REACH;
+            const double size =
+                fmax(fabs(trained[i].entry->value[j]), fabs(s->terms.first_weight[at]));
+            d->list[at] = (weight){.component = pm_trained_name(system, trained[i].component),
+                                   .name = constant ? name + 9 : NULL,
+                                   .at = pm_trained_place(system, trained[i].component),
+                                   .logarithm = logarithm,
+                                   .unit = !constant   ? reach
+                                           : logarithm ? 1
+                                           : size > 0  ? size
+                                                       : 1};
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_identifiability_print(const pm_uncertainty *u, const pm_shooting *s) {
+    const size_t n = (size_t)u->nweight;
+    if (n < 2 || n > MOST_DIRECTIONS) {
+        return PM_OK;
+    }
+    directions d;
+    pm_arena arena = {0};
+    const pm_status status = open_directions(&d, s, &arena);
+    for (size_t i = 0; status == PM_OK && i < n * n; ++i) {
+        d.matrix[i] = u->covariance[i] / (d.list[i / n].unit * d.list[i % n].unit);
+    }
+    if (status == PM_OK && pm_eigen_largest((int)n, d.matrix, (int)n, d.value, d.vector)) {
+        int printed = 0;
+        for (size_t k = 0; k < n && d.value[k] > UNFIXED * UNFIXED; ++k) {
+            const double *direction = d.vector + k * n;
+            // Only directions that consist of several constants are printed.
+            double constants = 0, largest = 0, sign = 1;
+            for (size_t i = 0; i < n; ++i) {
+                constants += d.list[i].name != NULL ? direction[i] * direction[i] : 0;
+                if (fabs(direction[i]) > largest) {
+                    largest = fabs(direction[i]);
+                    sign = direction[i] > 0 ? 1 : -1;
+                }
+            }
+            if (printed == MOST_PRINTED || !(constants > 0.5 && largest * largest < SINGLE)) {
+                continue;
+            }
+            const char *before = "  cannot be identified, as the data hardly change along";
+            for (size_t i = 0; i < n; ++i) {
+                const double change = sign * direction[i] * sqrt(d.value[k]);
+                if (fabs(direction[i]) < NAMED * largest || d.list[i].name == NULL) {
+                    continue;
+                }
+                printf("%s %s.%s ", before, d.list[i].component, d.list[i].name);
+                before = ",";
+                if (d.list[i].logarithm) {
+                    printf("x %.2g", exp(change));
+                } else {
+                    printf("%+.2g", change * d.list[i].unit);
+                }
+            }
+            printf(" (one standard deviation): give one of them\n");
+            ++printed;
+        }
+    }
+    pm_arena_free(&arena);
+    fflush(stdout);
+    return status;
+}
+
+// --- before the fit ---
+
+// Computes the normal matrix of the weights after elimination of all starts, as its Cholesky factor
+// in s->blocks.reduced. Returns false if the equations are singular or there is no memory.
+static bool factorise(pm_shooting *s, const double *noise, const double *gap) {
+    const pm_shooting_terms kept = s->terms;
+    pm_arena arena = {0};
+    const size_t n = (size_t)s->nweight + (size_t)s->nwindow * (size_t)s->nz;
+    double *step = pm_arena_array(&arena, n, sizeof *step);
+    s->terms.noise = pm_arena_array(&arena, (size_t)s->ny, sizeof *noise);
+    s->terms.gap = pm_arena_array(&arena, (size_t)s->nz, sizeof *gap);
+    bool known = pm_arena_status(&arena, "directions of weights") == PM_OK;
+    if (known) {
+        memcpy(s->terms.noise, noise, (size_t)s->ny * sizeof *noise);
+        memcpy(s->terms.gap, gap, (size_t)s->nz * sizeof *gap);
+        s->terms.huber = INFINITY; // the model is still wrong: all samples count
+        s->terms.hold = s->terms.everywhere = s->terms.early = false;
+        pm_shooting_evaluate(s, s->z, true);
+        known = s->failed == PM_OK && pm_shooting_solve(s, 0, step, step + s->nweight);
+    }
+    s->terms = kept;
+    pm_arena_free(&arena);
+    return known;
+}
+
+// Returns element i of the diagonal of u' u.
+static double diagonal(size_t n, const double *u, size_t i) {
+    double square = 0;
+    for (size_t k = 0; k <= i; ++k) {
+        square += u[k * n + i] * u[k * n + i];
+    }
+    return square;
+}
+
+pm_status pm_identifiability_warn(pm_shooting *s, const double *noise, const double *gap) {
+    const size_t n = (size_t)s->nweight;
+    if (n < 2 || n > MOST_DIRECTIONS) {
+        return PM_OK;
+    }
+    directions d;
+    pm_arena arena = {0};
+    pm_status status = open_directions(&d, s, &arena);
+    if (status == PM_OK && factorise(s, noise, gap)) {
+        // The inverse of the matrix u' u after scaling its diagonal to 1.
+        for (size_t i = 0; i < n; ++i) {
+            d.matrix[i * (n + 1)] = sqrt(diagonal(n, s->blocks.reduced, i));
+        }
+        pm_cholesky_back((int)n, s->blocks.reduced, (int)n, d.matrix);
+        for (size_t i = 0; i < n * n; ++i) {
+            d.matrix[i] *= sqrt(diagonal(n, s->blocks.reduced, i / n));
+        }
+        const bool found = pm_eigen_largest((int)n, d.matrix, (int)n, d.value, d.vector);
+        for (size_t k = 0; found && k < n && k < MOST_PRINTED; ++k) {
+            // Names the constants of the direction, if it consists mostly of them.
+            const double *direction = d.vector + k * n;
+            size_t largest = 0;
+            double constants = 0;
+            for (size_t i = 0; i < n; ++i) {
+                largest = fabs(direction[i]) > fabs(direction[largest]) ? i : largest;
+                constants += d.list[i].name != NULL ? direction[i] * direction[i] : 0;
+            }
+            if (!(d.value[k] > COLLINEAR * COLLINEAR) || constants < 0.5 ||
+                d.list[largest].name == NULL) {
+                continue;
+            }
+            printf("%s: note:", d.list[largest].at);
+            int count = 0;
+            for (size_t i = 0; i < n; ++i) {
+                if (d.list[i].name != NULL &&
+                    fabs(direction[i]) > NAMED * fabs(direction[largest])) {
+                    printf("%s %s.%s", count++ > 0 ? "," : "", d.list[i].component, d.list[i].name);
+                }
+            }
+            printf(": the measurements hardly tell them apart from each other and from hidden "
+                   "starts (collinearity %.0f); the fit may miss them: give what is known\n",
+                   sqrt(d.value[k]));
+        }
+        fflush(stdout);
+    }
+    status = status == PM_OK ? s->failed : status;
+    pm_arena_free(&arena);
+    return status;
+}

@@ -1,0 +1,68 @@
+// The uncertainty of a fit to measurements: the covariance of the weights from the normal
+// equations after elimination of all starts, the noise of the columns, and which starts of hidden
+// components the data fix. It is kept in the file "measured.h5" beside the weights.
+#ifndef PM_TRAINER_INFERENCE_UNCERTAINTY_H
+#define PM_TRAINER_INFERENCE_UNCERTAINTY_H
+
+#include "shooting/shooting.h"
+
+typedef struct pm_uncertainty {
+    pm_arena arena; // owns all
+    int nweight, ny, nz;
+    double *covariance; // [nweight][nweight] of all trained weights
+    double *weights;    // [nweight] the weights at which the covariance was computed
+    double *noise;      // [ny] standard deviation of the residuals, in the unit of each column
+    // [ny] the part of `noise` that differs from sample to sample; the rest is error of the model
+    double *independent;
+    // The number of samples that carry as much information as one sample with independent noise: 1
+    // plus twice the sum of the autocorrelation of the residuals. It exceeds 1 where the model is
+    // wrong, since residuals of neighbouring samples then agree.
+    double samples_per_residual;
+    // The factor by which the covariance is larger than with independent noise: the ratio by which
+    // trajectories disagree about the weights more than independent noise explains. Where there are
+    // too few trajectories to compare, it is at least samples_per_residual. `covariance` includes
+    // this factor.
+    double inflation;
+    // The factor by which the variance of a prediction is larger than that which `covariance`
+    // causes (inference/calibration.h); 1: not known.
+    double scale;
+    double *start;   // [nz] mean start of all trajectories
+    double *spread;  // [nz] standard deviation of the starts among trajectories
+    double *unknown; // [nz] standard deviation of the start after the fit, divided by that of its
+                     // prior; 0: the component has no prior
+} pm_uncertainty;
+
+// Computes the uncertainty at the present weights and starts, with a scale of 1. The caller frees.
+// PM_ENUMERIC: the data and the priors do not fix the weights; PM_ENOMEM.
+pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
+void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
+
+// Writes "measured.h5" into the folder. PM_EFILE.
+pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder);
+// Reads "measured.h5" from the folder, and sets *found to false if there is no such file. The
+// weights of the system must be those of the folder; components then share weights as in the fit
+// (pm_trained_share). The caller frees. PM_EWEIGHTS: the file has another number of weights,
+// columns or state components than the system and the observation; PM_EFILE, PM_ENOMEM.
+pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, pm_system *system,
+                              const pm_observation *o, bool *found);
+
+// Prints the learned constants with their standard deviations, and what the data do not fix, by the
+// names of the scene: constants, directions of network weights, and starts of hidden components.
+void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s);
+
+// Prints a line for each direction in the space of all weights along which the standard deviation
+// is large: a factor of 1.28 for positive constants, a quarter of their size for others. The
+// directions are the eigenvectors of the covariance in these units. A line says by how much each
+// constant changes over one standard deviation. Directions of single constants, which
+// pm_uncertainty_print names, and of network weights are left out. PM_ENOMEM.
+pm_status pm_identifiability_print(const pm_uncertainty *u, const pm_shooting *s);
+// Prints notes before the weights are fitted, each with the place of a model in the training file:
+// constants that are hard to tell apart from each other and from the starts of hidden components.
+// The measure is the collinearity index of Brun, Reichert, Kuensch (Water Resour. Res. 37, 2001):
+// by how much less the data change along a direction than along its constants one by one. The
+// derivatives are those at the present weights and starts; columns have the noise `noise` [ny], and
+// from window to window a state may drift by `gap` [nz]. Changes nothing that the fit depends on.
+// PM_ENOMEM.
+pm_status pm_identifiability_warn(pm_shooting *s, const double *noise, const double *gap);
+
+#endif

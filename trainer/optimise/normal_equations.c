@@ -1,0 +1,658 @@
+// Jacobians by reverse accumulation, products by two programs for each lane, and the solution of
+// the damped equations with or without a matrix. Lanes as in loss/objective.c.
+#include "optimise/normal_equations.h"
+
+#include <assert.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/linalg.h"
+#include "base/rng.h"
+#include "data/trained.h"
+#include "graph/program.h"
+
+// Samples per run of a program that forms Jacobians.
+#define MATRIX_CHUNK 32
+// The most samples per run of a program of products, and the most bytes that its values may take,
+// so that they stay in the cache.
+#define CHUNK 128
+#define CHUNK_BYTES 33554432
+// Each run gives one estimate of the diagonal. Their mean over this many has an error of a fifth.
+#define FEWEST_ESTIMATES 48
+// A weight without any effect at present still gets a positive diagonal entry, in units of the
+// largest one.
+#define SMALLEST_DIAGONAL 1e-10
+// Conjugate gradients end when the last tenth of the iterations, at least FEWEST, has lowered the
+// quadratic model of the loss by less than PROGRESS of its decrease for each of them (Martens, ICML
+// 2010, section 4.4).
+#define FEWEST_ITERATIONS 10
+#define PROGRESS 5e-3
+// The width of a step of a weight that is held, which is the logarithm of a constant.
+#define HELD_WIDTH 0.1
+
+// --- residuals ---
+
+// Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
+// data and, in the soft form, every component of L dS and M dE, times the root of the weight of the
+// penalty. Their squares sum to the loss of the sample without its robust function. *input receives
+// the window (loss/loss_graph.h).
+static pm_status build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input,
+                                 pm_node *residual) {
+    pm_loss_nodes nodes;
+    PM_TRY(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
+    *input = nodes.input;
+    *residual = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
+    if (nodes.degeneracy != PM_NO_NODE) {
+        *residual =
+            pm_concat_or(g, *residual, pm_scale(g, nodes.degeneracy, sqrt(c->loss->degeneracy)));
+    }
+    return PM_OK;
+}
+
+// Adds the trained matrices [n] to the graph.
+static void build_weights(pm_graph *g, int n, const pm_trained *trained, pm_node *leaf) {
+    for (int i = 0; i < n; ++i) {
+        const pm_param_entry *entry = trained[i].entry;
+        leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
+    }
+}
+
+// Appends the nodes that exist to output and returns their number.
+static int list_outputs(int count, const pm_node *node, pm_node *output, int noutput) {
+    for (int i = 0; i < count; ++i) {
+        if (node[i] != PM_NO_NODE) {
+            output[noutput++] = node[i];
+        }
+    }
+    return noutput;
+}
+
+// --- the matrix: one reverse pass for each residual, with the weights repeated for each sample so
+// that the gradients of samples stay separate ---
+
+typedef struct jacobian_lane {
+    pm_gauss_newton_matrix *normal;
+    int id;
+    pm_program *program;
+    double *jacobian; // [MATRIX_CHUNK * nresidual][size]
+    double *hessian;  // [size][size]
+    double *gradient; // [size]
+    int count;
+    const int *index;
+} jacobian_lane;
+
+struct pm_gauss_newton_matrix {
+    pm_arena arena; // owns the arrays
+    pm_objective *objective;
+    pm_loss_context context;
+    int size, nresidual, nentry;
+    pm_trained *trained;     // [nentry]
+    pm_node input, residual; // residual [1][nresidual]
+    pm_node *derivative;     // [nresidual][nentry], PM_NO_NODE where independent
+    pm_lanes lanes;
+    jacobian_lane lane[PM_TEAM_LANES]; // those of this process
+};
+
+static pm_status build_matrix(pm_gauss_newton_matrix *n, pm_graph *g, pm_arena *scratch) {
+    const size_t size = (size_t)n->size;
+    pm_graph_weights_per_item(g);
+    n->nentry = pm_trained_list(n->context.system, NULL);
+    n->trained = pm_arena_array(&n->arena, (size_t)n->nentry, sizeof *n->trained);
+    pm_node *leaf = pm_arena_array(scratch, (size_t)n->nentry, sizeof *leaf);
+    PM_TRY(pm_arena_status(&n->arena, "the normal equations"));
+    PM_TRY(pm_arena_status(scratch, "the normal equations"));
+    pm_trained_list(n->context.system, n->trained);
+    PM_TRY(build_residuals(g, &n->context, &n->input, &n->residual));
+    build_weights(g, n->nentry, n->trained, leaf);
+    n->nresidual = pm_graph_shape(g, n->residual).cols;
+    const size_t cells = (size_t)n->nresidual * (size_t)n->nentry + 1;
+    n->derivative = pm_arena_array(&n->arena, cells, sizeof *n->derivative);
+    pm_node *output = pm_arena_array(scratch, cells, sizeof *output);
+    PM_TRY(pm_arena_status(&n->arena, "the normal equations"));
+    PM_TRY(pm_arena_status(scratch, "the normal equations"));
+    int noutput = list_outputs(1, &n->residual, output, 0);
+    for (int r = 0; r < n->nresidual; ++r) {
+        pm_node *row = n->derivative + (ptrdiff_t)r * n->nentry;
+        pm_gradient(g, pm_slice(g, n->residual, r, 1), PM_NO_NODE, n->nentry, leaf, row);
+        noutput = list_outputs(n->nentry, row, output, noutput);
+    }
+    for (int i = 0; i < n->lanes.own; ++i) {
+        jacobian_lane *l = &n->lane[i];
+        l->normal = n;
+        l->id = n->lanes.first + i;
+        if (n->context.loss->team == NULL || i == 0) {
+            PM_TRY(pm_program_open(&l->program, g, noutput, output, MATRIX_CHUNK));
+            l->jacobian = pm_arena_array(
+                &n->arena, (size_t)MATRIX_CHUNK * (size_t)n->nresidual * size, sizeof *l->jacobian);
+        } else { // the lanes of a member of a team take turns
+            l->program = n->lane[0].program;
+            l->jacobian = n->lane[0].jacobian;
+        }
+        l->hessian = pm_arena_array(&n->arena, size * size, sizeof *l->hessian);
+        l->gradient = pm_arena_array(&n->arena, size, sizeof *l->gradient);
+    }
+    return pm_arena_status(&n->arena, "the normal equations of %d weights", n->size);
+}
+
+pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_objective *objective) {
+    pm_gauss_newton_matrix *n = calloc(1, sizeof *n);
+    if (n == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
+    }
+    n->objective = objective;
+    n->context = pm_objective_context(objective);
+    n->lanes = pm_team_lanes(n->context.loss->team);
+    n->size = pm_objective_size(objective);
+    pm_graph *g = NULL;
+    pm_arena scratch = {0};
+    pm_status status = pm_graph_open(&g);
+    if (status == PM_OK) {
+        status = build_matrix(n, g, &scratch);
+    }
+    pm_graph_close(g);
+    pm_arena_free(&scratch);
+    if (status != PM_OK) {
+        pm_gauss_newton_matrix_close(n);
+        return status;
+    }
+    *normal = n;
+    return PM_OK;
+}
+
+void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
+    if (normal != NULL) {
+        for (int i = 0; i < (normal->context.loss->team == NULL ? normal->lanes.own : 1); ++i) {
+            pm_program_close(normal->lane[i].program);
+        }
+        pm_arena_free(&normal->arena);
+        free(normal);
+    }
+}
+
+static void *work_on_matrix(void *context) {
+    jacobian_lane *l = context;
+    const pm_gauss_newton_matrix *n = l->normal;
+    const pm_samples *samples = n->context.samples;
+    const size_t width = (size_t)pm_samples_width(samples), size = (size_t)n->size;
+    memset(l->hessian, 0, size * size * sizeof *l->hessian);
+    memset(l->gradient, 0, size * sizeof *l->gradient);
+    for (int first = l->id * MATRIX_CHUNK; first < l->count;
+         first += n->lanes.count * MATRIX_CHUNK) {
+        const int batch = l->count - first < MATRIX_CHUNK ? l->count - first : MATRIX_CHUNK;
+        double root[MATRIX_CHUNK]; // of the weights of the samples
+        double *input = pm_program_value(l->program, n->input);
+        for (int s = 0; s < batch; ++s) {
+            const int sample = l->index[first + s];
+            pm_samples_window(samples, sample, input + (size_t)s * width);
+            root[s] = sqrt(pm_objective_sample_weight(n->objective, sample));
+        }
+        pm_program_run(l->program, batch);
+        // The rows of the Jacobian, [nresidual][batch][size].
+        for (int r = 0; r < n->nresidual; ++r) {
+            double *rows = l->jacobian + (size_t)r * (size_t)batch * size;
+            for (int i = 0; i < n->nentry; ++i) {
+                const pm_node node = n->derivative[(ptrdiff_t)r * n->nentry + i];
+                const size_t own = (size_t)n->trained[i].size;
+                const double *from = node == PM_NO_NODE ? NULL : pm_program_value(l->program, node);
+                for (int s = 0; s < batch; ++s) {
+                    double *to = rows + (size_t)s * size + n->trained[i].first;
+                    for (size_t k = 0; k < own; ++k) {
+                        to[k] = from == NULL ? 0 : root[s] * from[(size_t)s * own + k];
+                    }
+                }
+            }
+        }
+        pm_gram_add(batch * n->nresidual, n->size, l->jacobian, l->hessian);
+        const double *value = pm_program_value(l->program, n->residual);
+        for (int r = 0; r < n->nresidual; ++r) {
+            for (int s = 0; s < batch; ++s) {
+                const double factor = root[s] * value[(ptrdiff_t)s * n->nresidual + r];
+                const double *row = l->jacobian + ((size_t)r * (size_t)batch + (size_t)s) * size;
+                for (size_t k = 0; k < size; ++k) {
+                    l->gradient[k] += factor * row[k];
+                }
+            }
+        }
+    }
+    return NULL;
+}
+
+void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
+                                     double *gradient, double *hessian) {
+    pm_gauss_newton_matrix *n = normal;
+    const pm_team *team = n->context.loss->team;
+    const size_t size = (size_t)n->size;
+    double *first[PM_TEAM_LANES], *second[PM_TEAM_LANES];
+    for (int i = 0; i < n->lanes.own; ++i) {
+        n->lane[i].count = count;
+        n->lane[i].index = index;
+        first[i] = n->lane[i].gradient;
+        second[i] = n->lane[i].hessian;
+    }
+    pm_team_run(team, work_on_matrix, n->lane, sizeof *n->lane);
+    pm_team_add(team, size, first);
+    pm_team_add(team, size * size, second);
+    for (size_t i = 0; i < size; ++i) {
+        gradient[i] = first[0][i] / count;
+    }
+    for (size_t i = 0; i < size * size; ++i) {
+        hessian[i] = second[0][i] / count;
+    }
+}
+
+// --- products: one program for the gradient and for the squares that estimate the diagonal, and
+// one for products ---
+
+typedef struct product_lane {
+    pm_gauss_newton_product *product;
+    int id;
+    pm_program *linear, *multiply;
+    double *sum, *square; // [size] sums over the samples of this lane
+    const double *vector; // [size] factor of the present product; NULL while linearising
+    int count, chunk;
+    const int *index;
+    uint64_t seed;
+} product_lane;
+
+struct pm_gauss_newton_product {
+    pm_arena arena; // owns the arrays
+    pm_objective *objective;
+    pm_loss_context context;
+    int size, nresidual, nentry, chunk;
+    pm_trained *trained;                   // [nentry]
+    pm_node input, root, sign;             // root [1][1], sign [1][nresidual]
+    pm_node *gradient, *estimate, *result; // [nentry], PM_NO_NODE where independent
+    double *vector;                        // [size] read by the programs
+    pm_lanes lanes;
+    product_lane lane[PM_TEAM_LANES]; // those of this process
+};
+
+// Returns J v as the derivative of u^T J v with respect to u. `work` [nentry] is overwritten.
+static pm_node build_tangent(pm_gauss_newton_product *p, pm_graph *g, pm_node residual,
+                             const pm_node *leaf, pm_node *work) {
+    const pm_node u = pm_input(g, true, 1, p->nresidual);
+    pm_gradient(g, residual, u, p->nentry, leaf, work);
+    pm_node sum = PM_NO_NODE, tangent = PM_NO_NODE;
+    for (int i = 0; i < p->nentry; ++i) {
+        if (work[i] != PM_NO_NODE) {
+            const pm_shape shape = pm_graph_shape(g, leaf[i]);
+            const pm_node v = pm_param(g, p->vector + p->trained[i].first, shape.rows, shape.cols);
+            const pm_node term = pm_sum_to(g, pm_mul(g, work[i], v), (pm_shape){false, 1, 1});
+            sum = pm_add_or(g, sum, term);
+        }
+    }
+    pm_gradient(g, sum, PM_NO_NODE, 1, &u, &tangent);
+    return tangent;
+}
+
+// Chooses how many samples a program of these outputs may run at once.
+static pm_status choose_chunk(pm_gauss_newton_product *p, const pm_graph *g, int count,
+                              const pm_node *output) {
+    pm_program *one = NULL, *two = NULL;
+    PM_TRY(pm_program_open(&one, g, count, output, 1));
+    const pm_status status = pm_program_open(&two, g, count, output, 2);
+    if (status == PM_OK) {
+        // The bytes that all samples share, such as weights and gradients, do not count.
+        const size_t each = pm_program_bytes(two) - pm_program_bytes(one) + 1;
+        const size_t fit = CHUNK_BYTES / each;
+        const int chunk = fit > CHUNK ? CHUNK : fit < 1 ? 1 : (int)fit;
+        p->chunk = p->chunk == 0 || chunk < p->chunk ? chunk : p->chunk;
+    }
+    pm_program_close(one);
+    pm_program_close(two);
+    return status;
+}
+
+static pm_status build_product(pm_gauss_newton_product *p, pm_graph *g, pm_arena *scratch) {
+    p->nentry = pm_trained_list(p->context.system, NULL);
+    const size_t n = (size_t)p->nentry + 1, size = (size_t)p->size + 1;
+    p->gradient = pm_arena_array(&p->arena, n, sizeof *p->gradient);
+    p->estimate = pm_arena_array(&p->arena, n, sizeof *p->estimate);
+    p->result = pm_arena_array(&p->arena, n, sizeof *p->result);
+    p->trained = pm_arena_array(&p->arena, n, sizeof *p->trained);
+    p->vector = pm_arena_array(&p->arena, size, sizeof *p->vector);
+    for (int i = 0; i < p->lanes.own; ++i) {
+        p->lane[i].sum = pm_arena_array(&p->arena, size, sizeof *p->lane[i].sum);
+        p->lane[i].square = pm_arena_array(&p->arena, size, sizeof *p->lane[i].square);
+    }
+    pm_node *leaf = pm_arena_array(scratch, n, sizeof *leaf);
+    pm_node *linear = pm_arena_array(scratch, 2 * n, sizeof *linear);
+    pm_node *multiply = pm_arena_array(scratch, n, sizeof *multiply);
+    PM_TRY(pm_arena_status(&p->arena, "products of %d weights", p->size));
+    PM_TRY(pm_arena_status(scratch, "products of %d weights", p->size));
+    pm_trained_list(p->context.system, p->trained);
+    pm_node unweighted;
+    PM_TRY(build_residuals(g, &p->context, &p->input, &unweighted));
+    p->root = pm_input(g, true, 1, 1);
+    const pm_node residual = pm_mul(g, unweighted, p->root);
+    p->nresidual = pm_graph_shape(g, residual).cols;
+    p->sign = pm_input(g, true, 1, p->nresidual);
+    build_weights(g, p->nentry, p->trained, leaf);
+    const pm_node tangent = build_tangent(p, g, residual, leaf, p->result);
+    pm_gradient(g, residual, residual, p->nentry, leaf, p->gradient);
+    pm_gradient(g, residual, p->sign, p->nentry, leaf, p->estimate);
+    pm_gradient(g, residual, tangent, p->nentry, leaf, p->result);
+    int nlinear = list_outputs(p->nentry, p->gradient, linear, 0);
+    nlinear = list_outputs(p->nentry, p->estimate, linear, nlinear);
+    const int nmultiply = list_outputs(p->nentry, p->result, multiply, 0);
+    PM_TRY(choose_chunk(p, g, nlinear, linear));
+    PM_TRY(choose_chunk(p, g, nmultiply, multiply));
+    for (int i = 0; i < p->lanes.own; ++i) {
+        product_lane *l = &p->lane[i];
+        l->product = p;
+        l->id = p->lanes.first + i;
+        if (p->context.loss->team == NULL || i == 0) {
+            PM_TRY(pm_program_open(&l->linear, g, nlinear, linear, p->chunk));
+            PM_TRY(pm_program_open(&l->multiply, g, nmultiply, multiply, p->chunk));
+        } else { // the lanes of a member of a team take turns
+            l->linear = p->lane[0].linear;
+            l->multiply = p->lane[0].multiply;
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_gauss_newton_product_open(pm_gauss_newton_product **product, pm_objective *objective) {
+    pm_gauss_newton_product *p = calloc(1, sizeof *p);
+    if (p == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for products");
+    }
+    p->objective = objective;
+    p->context = pm_objective_context(objective);
+    p->lanes = pm_team_lanes(p->context.loss->team);
+    p->size = pm_objective_size(objective);
+    pm_graph *g = NULL;
+    pm_arena scratch = {0};
+    pm_status status = pm_graph_open(&g);
+    if (status == PM_OK) {
+        status = build_product(p, g, &scratch);
+    }
+    pm_graph_close(g);
+    pm_arena_free(&scratch);
+    if (status != PM_OK) {
+        pm_gauss_newton_product_close(p);
+        return status;
+    }
+    *product = p;
+    return PM_OK;
+}
+
+void pm_gauss_newton_product_close(pm_gauss_newton_product *product) {
+    if (product != NULL) {
+        for (int i = 0; i < (product->context.loss->team == NULL ? product->lanes.own : 1); ++i) {
+            pm_program_close(product->lane[i].linear);
+            pm_program_close(product->lane[i].multiply);
+        }
+        pm_arena_free(&product->arena);
+        free(product);
+    }
+}
+
+// Adds the values of `node` [nentry], or their squares, to sum [size].
+static void add(const pm_gauss_newton_product *p, pm_program *program, const pm_node *node,
+                bool squared, double *sum) {
+    for (int i = 0; i < p->nentry; ++i) {
+        const double *from = node[i] == PM_NO_NODE ? NULL : pm_program_value(program, node[i]);
+        double *to = sum + p->trained[i].first;
+        for (int k = 0; from != NULL && k < p->trained[i].size; ++k) {
+            to[k] += squared ? from[k] * from[k] : from[k];
+        }
+    }
+}
+
+static void *work_on_product(void *context) {
+    product_lane *l = context;
+    const pm_gauss_newton_product *p = l->product;
+    const pm_samples *samples = p->context.samples;
+    const size_t width = (size_t)pm_samples_width(samples);
+    const bool linearising = l->vector == NULL;
+    pm_program *program = linearising ? l->linear : l->multiply;
+    double *window = pm_program_value(program, p->input);
+    double *root = pm_program_value(program, p->root);
+    memset(l->sum, 0, (size_t)p->size * sizeof *l->sum);
+    memset(l->square, 0, (size_t)p->size * sizeof *l->square);
+    for (int first = l->id * l->chunk; first < l->count; first += p->lanes.count * l->chunk) {
+        const int batch = l->count - first < l->chunk ? l->count - first : l->chunk;
+        for (int i = 0; i < batch; ++i) {
+            const int sample = l->index[first + i];
+            pm_samples_window(samples, sample, window + (size_t)i * width);
+            root[i] = sqrt(pm_objective_sample_weight(p->objective, sample));
+        }
+        if (linearising) {
+            double *sign = pm_program_value(program, p->sign);
+            pm_rng rng;
+            pm_rng_init(&rng, l->seed, (uint64_t)first);
+            for (int i = 0; i < batch * p->nresidual; ++i) {
+                sign[i] = pm_rng_below(&rng, 2) == 0 ? -1 : 1;
+            }
+        }
+        pm_program_run(program, batch);
+        add(p, program, linearising ? p->gradient : p->result, false, l->sum);
+        if (linearising) {
+            add(p, program, p->estimate, true, l->square);
+        }
+    }
+    return NULL;
+}
+
+// Runs the lanes with chunks of about equal size, at least `runs` of them.
+static void run_lanes(pm_gauss_newton_product *p, int count, const int *index, uint64_t seed,
+                      int runs, const double *vector) {
+    const int most = p->lanes.count * p->chunk;
+    const int needed = p->lanes.count * ((count + most - 1) / most);
+    const int total = needed < runs ? runs : needed;
+    for (int i = 0; i < p->lanes.own; ++i) {
+        product_lane *l = &p->lane[i];
+        l->vector = vector;
+        l->count = count;
+        l->index = index;
+        l->seed = seed;
+        l->chunk = (count + total - 1) / total;
+    }
+    pm_team_run(p->context.loss->team, work_on_product, p->lane, sizeof *p->lane);
+}
+
+// Writes the mean [size] of the sums, or of the squares, of all lanes.
+static void take_mean(pm_gauss_newton_product *p, bool squares, int count, double *mean) {
+    double *value[PM_TEAM_LANES];
+    for (int i = 0; i < p->lanes.own; ++i) {
+        value[i] = squares ? p->lane[i].square : p->lane[i].sum;
+    }
+    pm_team_add(p->context.loss->team, (size_t)p->size, value);
+    for (int i = 0; i < p->size; ++i) {
+        mean[i] = value[0][i] / count;
+    }
+}
+
+void pm_gauss_newton_product_linearise(pm_gauss_newton_product *product, int count,
+                                       const int *index, uint64_t seed, double *gradient,
+                                       double *diagonal) {
+    run_lanes(product, count, index, seed, FEWEST_ESTIMATES, NULL);
+    take_mean(product, false, count, gradient);
+    take_mean(product, true, count, diagonal);
+}
+
+void pm_gauss_newton_product_apply(pm_gauss_newton_product *product, int count, const int *index,
+                                   const double *vector, double *result) {
+    memcpy(product->vector, vector, (size_t)product->size * sizeof *vector);
+    run_lanes(product, count, index, 0, product->lanes.count, product->vector);
+    take_mean(product, false, count, result);
+}
+
+// --- damped equations ---
+
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix) {
+    *e = (pm_damped_equations){.size = pm_objective_size(objective), .objective = objective};
+    const size_t n = (size_t)e->size;
+    const pm_system *system = pm_objective_context(objective).system;
+    const int count = pm_trained_list(system, NULL);
+    e->gradient = pm_arena_array(&e->arena, n, sizeof *e->gradient);
+    e->diagonal = pm_arena_array(&e->arena, n, sizeof *e->diagonal);
+    e->held = pm_arena_array(&e->arena, n, sizeof *e->held);
+    e->shrinks = pm_arena_array(&e->arena, n, sizeof *e->shrinks);
+    e->bend = pm_arena_array(&e->arena, n, sizeof *e->bend);
+    pm_trained *trained = pm_arena_array(&e->arena, (size_t)count, sizeof *trained);
+    if (matrix) {
+        e->hessian = pm_arena_array(&e->arena, n * n, sizeof *e->hessian);
+        e->damped = pm_arena_array(&e->arena, n * n, sizeof *e->damped);
+    } else {
+        e->residual = pm_arena_array(&e->arena, n, sizeof *e->residual);
+        e->conditioned = pm_arena_array(&e->arena, n, sizeof *e->conditioned);
+        e->direction = pm_arena_array(&e->arena, n, sizeof *e->direction);
+        e->image = pm_arena_array(&e->arena, n, sizeof *e->image);
+    }
+    PM_TRY(pm_arena_status(&e->arena, "the normal equations of %zu weights", n));
+    pm_trained_list(system, trained);
+    for (int i = 0; i < count; ++i) {
+        for (int k = trained[i].first; k < trained[i].first + trained[i].size; ++k) {
+            e->shrinks[k] = trained[i].entry->shrinks;
+            e->held[k] = trained[i].entry->held;
+        }
+    }
+    return matrix ? pm_gauss_newton_matrix_open(&e->matrix, objective)
+                  : pm_gauss_newton_product_open(&e->product, objective);
+}
+
+void pm_damped_equations_close(pm_damped_equations *e) {
+    pm_gauss_newton_matrix_close(e->matrix);
+    pm_gauss_newton_product_close(e->product);
+    pm_arena_free(&e->arena);
+}
+
+void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int *index,
+                                   uint64_t seed, double loss, const double *theta) {
+    e->count = count;
+    e->index = index;
+    e->hold = loss / (HELD_WIDTH * HELD_WIDTH);
+    if (e->matrix != NULL) {
+        pm_gauss_newton_matrix_evaluate(e->matrix, count, index, e->gradient, e->hessian);
+        for (size_t i = 0; i < (size_t)e->size; ++i) {
+            e->diagonal[i] = e->hessian[i * (size_t)e->size + i];
+        }
+    } else {
+        pm_gauss_newton_product_linearise(e->product, count, index, seed, e->gradient, e->diagonal);
+    }
+    double largest = 0;
+    for (int i = 0; i < e->size; ++i) {
+        largest = fmax(largest, e->diagonal[i]);
+    }
+    for (int i = 0; i < e->size; ++i) {
+        e->diagonal[i] += SMALLEST_DIAGONAL * largest;
+        e->bend[i] = 3 * e->shrinkage * e->shrinks[i] * theta[i] * theta[i];
+        e->gradient[i] += e->bend[i] * theta[i] / 3;
+    }
+}
+
+double pm_damped_equations_penalty(const pm_damped_equations *e, const double *theta) {
+    double sum = 0;
+    for (int i = 0; i < e->size; ++i) {
+        sum += e->shrinks[i] * pow(theta[i], 4);
+    }
+    return e->shrinkage / 4 * sum;
+}
+
+// Returns the diagonal of R + S + near I.
+static double ridge(const pm_damped_equations *e, size_t i) {
+    return e->hold * e->held[i] + e->bend[i] + e->near;
+}
+
+// --- Cholesky ---
+
+// --- conjugate gradients ---
+
+static double dot(int n, const double *a, const double *b) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+static bool is_frozen(const pm_damped_equations *e, int i) {
+    return e->frozen != NULL && e->frozen[i];
+}
+
+// Computes image = (H + R + damping D + near I) vector without the rows of frozen weights.
+static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
+    pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
+    for (int i = 0; i < e->size; ++i) {
+        image[i] += (damping * e->diagonal[i] + ridge(e, (size_t)i)) * vector[i];
+        image[i] = is_frozen(e, i) ? 0 : image[i];
+    }
+}
+
+// Divides the residual by the diagonal of the damped matrix, and returns their product.
+static double condition(pm_damped_equations *e, double damping) {
+    for (int i = 0; i < e->size; ++i) {
+        e->conditioned[i] = e->residual[i] / ((1 + damping) * e->diagonal[i] + ridge(e, (size_t)i));
+    }
+    return dot(e->size, e->residual, e->conditioned);
+}
+
+// Preconditioned conjugate gradients (Nocedal, Wright, algorithm 5.3).
+static bool solve_by_products(pm_damped_equations *e, double damping, int most, double *step) {
+    const int n = e->size;
+    // Starts with the guess if that is better than zero, and returns the quadratic model of the
+    // loss there, g.x + x.(H + damping D + near I)x / 2. The guess must be zero for frozen weights.
+    const int size = e->size;
+    double model = 0;
+    if (dot(size, step, step) > 0) {
+        multiply(e, damping, step, e->image);
+        model = dot(size, e->gradient, step) + 0.5 * dot(size, step, e->image);
+    }
+    const bool better = model < 0;
+    for (int i = 0; i < size; ++i) {
+        step[i] = better ? step[i] : 0;
+        e->residual[i] = is_frozen(e, i) ? 0 : -e->gradient[i] - (better ? e->image[i] : 0);
+    }
+    double before[PM_MOST_CONJUGATE_GRADIENTS + 1]; // the model after each iteration
+    before[0] = better ? model : 0;
+    double rho = condition(e, damping);
+    memcpy(e->direction, e->conditioned, (size_t)n * sizeof *e->direction);
+    for (int k = 1; k <= most && rho > 0; ++k) {
+        multiply(e, damping, e->direction, e->image);
+        const double curvature = dot(n, e->direction, e->image);
+        if (!(curvature > 0) || !isfinite(curvature)) {
+            return isfinite(curvature) && k > 1;
+        }
+        const double length = rho / curvature;
+        for (int i = 0; i < n; ++i) {
+            step[i] += length * e->direction[i];
+            e->residual[i] -= length * e->image[i];
+        }
+        before[k] = before[k - 1] - 0.5 * length * rho;
+        const int lag = k / 10 > FEWEST_ITERATIONS ? k / 10 : FEWEST_ITERATIONS;
+        if (k > lag && before[k - lag] - before[k] < lag * PROGRESS * -before[k]) {
+            break;
+        }
+        const double next = condition(e, damping);
+        for (int i = 0; i < n; ++i) {
+            e->direction[i] = e->conditioned[i] + next / rho * e->direction[i];
+        }
+        rho = next;
+    }
+    return true;
+}
+
+bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
+                               int most, double *step) {
+    if (e->matrix != NULL) {
+        const size_t n = (size_t)e->size;
+        memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
+        for (size_t i = 0; i < n; ++i) {
+            e->damped[i * n + i] += damping * e->diagonal[i] + ridge(e, i);
+            step[i] = -e->gradient[i];
+        }
+        for (size_t i = 0; i < n && e->frozen != NULL; ++i) {
+            for (size_t j = 0; j < n && e->frozen[i]; ++j) {
+                e->damped[i * n + j] = e->damped[j * n + i] = i == j ? 1 : 0;
+            }
+            step[i] = e->frozen[i] ? 0 : step[i];
+        }
+        return pm_cholesky_solve(e->size, e->damped, step);
+    }
+    pm_objective_set_weights(e->objective, theta);
+    assert(most <= PM_MOST_CONJUGATE_GRADIENTS);
+    return solve_by_products(e, damping, most, step);
+}

@@ -1,0 +1,736 @@
+// Writes the models in a proposed training file: of a subsystem comments on its variables, its
+// energy, entropy and both operators; of a port its operators, or a network in the form free.
+#include <math.h>
+#include <string.h>
+
+#include "model/feature.h"
+#include "propose/draft.h"
+
+// Hidden units. Networks that are too large train slowly; these were enough for all systems of the
+// zoo (tests/bench/zoo).
+#define ENERGY_OF_ONE "[8, 8]" // the energy of one input, of two or three, and of more
+#define ENERGY_OF_FEW "[12, 12]"
+#define ENERGY_OF_MANY "[16, 16]"
+#define STRENGTH_WIDTH 6  // of the strengths of dissipative processes
+#define HEAT_WIDTH 6      // of the dependence of heat on other variables
+#define SOFT_WIDTH 8      // of M in the form soft
+#define SPIN_WIDTH 8      // of the energy of rotation
+#define ENTROPY_WIDTH 12  // of a learned entropy
+#define CARRIED_WIDTH 4   // of the entropy that a current carries
+#define HEAT_PORT_WIDTH 4 // of a conductance that varies with the entropies
+// Of the rates in the form free: twice what an energy of many variables has, and less where
+// there are many subsystems.
+#define FREE_WIDTH 32
+#define FREE_WIDTH_OF_MANY 24
+#define MANY_SUBSYSTEMS 3
+
+#define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
+#define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
+#define NEAR_ROOM 2.0      // ratio to 300 K up to which a temperature need not be given
+#define WHOLE 1e-14        // relative: a number that is so close to a whole one is this one
+#define LARGE 1e9          // a whole number up to which all digits are written
+
+static const char *const ends[2] = {"a.", "b."};
+
+static const char *name_of(const pm_part_view *v, int g) {
+    return v->group[g].group->name;
+}
+
+static int size_of(const pm_part_view *v, int g) {
+    return v->group[g].group->size;
+}
+
+static bool is_entropy(const pm_part_view *v, int g) {
+    return v->kind[g] == PM_VIEW_ENTROPY;
+}
+
+// Returns true if friction, relaxation or leakage may act on the group.
+static bool may_lose(const pm_part_view *v, int g) {
+    return !is_entropy(v, g) && !v->geometric[g] && !v->group[g].constant;
+}
+
+// --- names, lists and numbers ---
+
+// A list of names in brackets. The caller writes the closing bracket.
+typedef struct list {
+    FILE *file;
+    int count;
+} list;
+
+static list open_list(FILE *file, const char *before) {
+    fprintf(file, "%s[", before);
+    return (list){.file = file};
+}
+
+static void add_name(list *l, const char *before, const char *name) {
+    fprintf(l->file, "%s%s%s", l->count++ > 0 ? ", " : "", before, name);
+}
+
+// Adds a function of a group, in quotes.
+static void add_quoted(list *l, const char *function, const char *before, const char *name) {
+    fprintf(l->file, "%s\"%s%s%s|\"", l->count++ > 0 ? ", " : "", function, before, name);
+}
+
+// Writes a coefficient, with a point also where it is a whole number.
+static void write_number(FILE *file, double number) {
+    const double nearest = round(number);
+    const bool whole = fabs(number - nearest) <= WHOLE * fabs(number); // but for rounding
+    fprintf(file, whole && fabs(nearest) <= LARGE ? "%.1f" : "%.17g", whole ? nearest : number);
+}
+
+// Returns the factor by which a coefficient of a lossless pair in SI units becomes that of the
+// units of both variables.
+static double coefficient_unit(const pm_unit *a, const pm_unit *b) {
+    return 1 / (a->factor * b->factor);
+}
+
+// --- features ---
+
+// Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
+// of a volume as in the entropy of gases, else the group itself.
+static void add_feature(const pm_draft *d, list *l, const pm_part_view *v, const char *before,
+                        int g) {
+    const pm_unit volume = pm_unit_parse("m^3");
+    const pm_look_group *group = &v->group[g];
+    const bool length = d->rotates && size_of(v, g) > 1 && v->mate[g] >= 0;
+    if (length || (group->positive && pm_unit_equal(&v->unit[g], &volume))) {
+        const bool zero = group->shortest < NEAR_ZERO * group->deviation;
+        add_quoted(l, length && (zero || v->by_length[g]) ? "|" : "ln|", before, name_of(v, g));
+    } else {
+        add_name(l, before, name_of(v, g));
+    }
+}
+
+// Adds the groups on which a term of the energy depends. Returns the number of components. The
+// energy may depend on the length of a vector and on its direction, too, as that of a spring in a
+// field does. Near zero the length has no derivative.
+static int add_energy_feature(const pm_draft *d, list *l, const pm_part_view *v, int g) {
+    const pm_unit metre = pm_unit_parse("m");
+    const pm_look_group *group = &v->group[g];
+    const bool both = !d->rotates && v->kind[g] == PM_VIEW_POSITION &&
+                      (size_of(v, g) == 2 || size_of(v, g) == 3) &&
+                      pm_unit_equal(&v->unit[g], &metre) &&
+                      group->shortest > AWAY_FROM_ZERO * group->deviation;
+    if (both) {
+        add_quoted(l, "|", "", name_of(v, g));
+    }
+    add_feature(d, l, v, "", g);
+    return d->rotates && v->mate[g] >= 0 ? 1 : size_of(v, g) + both;
+}
+
+// Returns the number of components that change their sign when time runs backwards, among the
+// groups of a layout; NULL: all.
+static int count_odd(const pm_part_view *v, const pm_layout *shown) {
+    int count = 0;
+    for (int g = 0; g < v->count; ++g) {
+        const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
+        count += seen && v->odd[g] && !v->group[g].constant ? size_of(v, g) : 0;
+    }
+    return count;
+}
+
+// Begins ", strength: {...}". In the form soft M acts on dS alone, so that friction needs a factor
+// of M that grows with the velocity.
+static list open_strength(const pm_draft *d) {
+    return open_list(d->file, d->p->form == PM_SOFT ? ", features: " : ", strength: {features: ");
+}
+
+static void close_strength(const pm_draft *d) {
+    if (d->p->form == PM_SOFT) {
+        fprintf(d->file, "], hidden: [%d], skip: linear", SOFT_WIDTH);
+    } else {
+        fprintf(d->file, "], hidden: [%d]}", STRENGTH_WIDTH);
+    }
+}
+
+// Adds those groups of a subsystem that change in the data, of a layout if `shown` is not NULL, to
+// the features of a strength, which is even in time. With `single` only the size of a variable
+// counts that changes its sign when time runs backwards: the sign of a velocity matters only
+// relative to that of another one. The friction of a turbulent flow grows with it.
+static void add_strength(const pm_draft *d, list *l, const pm_part_view *v, const char *before,
+                         const pm_layout *shown, bool single) {
+    for (int g = 0; g < v->count; ++g) {
+        const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
+        if (!seen || v->group[g].constant) {
+            continue;
+        }
+        if (single && v->unit[g].known && v->odd[g]) {
+            add_quoted(l, "|", before, name_of(v, g));
+        } else {
+            add_feature(d, l, v, before, g);
+        }
+    }
+}
+
+// Writes the rates of a model without structure.
+static void write_free(const pm_draft *d, const pm_layout *const layout[2],
+                       const char *const before[2]) {
+    list l = open_list(d->file, "    form: free\n    rate: {features: ");
+    for (int k = 0; k < 2; ++k) {
+        for (int g = 0; layout[k] != NULL && g < layout[k]->ngroup; ++g) {
+            add_name(&l, before[k], layout[k]->group[g].name);
+        }
+    }
+    fprintf(d->file, "], hidden: [%d], skip: linear}\n",
+            d->p->scene->physics.nsubsystem >= MANY_SUBSYSTEMS ? FREE_WIDTH_OF_MANY : FREE_WIDTH);
+}
+
+// --- subsystems: comments ---
+
+// Returns the mean temperature in K of the components of an entropy; 0 if it is not known.
+static double temperature_of(const pm_draft *d, const pm_part_view *v, int g) {
+    double sum = 0;
+    for (int c = 0; c < size_of(v, g); ++c) {
+        sum += d->temperature[v->group[g].first + c] / size_of(v, g);
+    }
+    return sum;
+}
+
+static void comment_part(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    for (int g = 0; g < v->count; ++g) {
+        const pm_group *group = v->group[g].group;
+        fprintf(f, "    # %s, %s: deviation %.3g, rate %.3g per s", group->name,
+                *group->unit == '\0' ? "a number" : group->unit, v->group[g].deviation,
+                v->group[g].rate);
+        switch (v->kind[g]) {
+        case PM_VIEW_ENTROPY:
+            fprintf(f, "; an entropy by its unit");
+            if (temperature_of(d, v, g) > 0) {
+                fprintf(f, "; about %.3g K by conservation of energy", temperature_of(d, v, g));
+            }
+            break;
+        case PM_VIEW_HEAT:
+            fprintf(f, "; takes up heat by its unit, since there is no entropy");
+            break;
+        case PM_VIEW_POSITION:
+            fprintf(f, "; conjugate to %s: the product of the units is J s%s",
+                    name_of(v, v->mate[g]),
+                    v->linear[g]  ? "; its rate is linear in momenta"
+                    : v->apart[g] ? "; its rate depends on momenta alone"
+                                  : "");
+            break;
+        case PM_VIEW_SPIN:
+            fprintf(f, "; an angular momentum of three components: L = %sm x",
+                    v->sign[g] < 0 ? "-" : "");
+            break;
+        case PM_VIEW_DIRECTION:
+            fprintf(f, "; a %s, which turns with %s",
+                    v->quaternion[g].turns != 0 ? "quaternion" : "direction",
+                    name_of(v, v->mate[g]));
+            break;
+        default:
+            fprintf(f, "%s",
+                    v->unit[g].known ? "" : "; the unit is NOT KNOWN, so that it says nothing");
+            break;
+        }
+        fprintf(f, "%s%s%s%s\n", v->gyroscopic[g] ? "; its components move each other" : "",
+                v->gyrates[g] ? "; it and a variable without a role drive each other" : "",
+                v->geometric[g] && v->kind[g] == PM_VIEW_OTHER
+                    ? "; other variables move it, friction does not act on it"
+                    : "",
+                v->group[g].constant
+                    ? "; CONSTANT in these data, so that nothing can be learned about it"
+                    : "");
+    }
+}
+
+// --- subsystems: energy and entropy ---
+
+// Returns the hidden layers of an energy of so many inputs.
+static const char *hidden_of(int inputs) {
+    return inputs == 1 ? ENERGY_OF_ONE : inputs <= 3 ? ENERGY_OF_FEW : ENERGY_OF_MANY;
+}
+
+static void write_energy(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    bool done[PM_MAX_GROUPS] = {false};
+    fprintf(f, "    energy:\n");
+    // The energy of rotation may depend on variables without a role, such as the angular momentum
+    // of a rotor in a body, or on the axis of a body seen from outside.
+    bool moved = false;
+    for (int g = 0; g < v->count; ++g) {
+        const bool axis = v->kind[g] == PM_VIEW_DIRECTION && v->sign[g] < 0;
+        moved = moved || ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant);
+    }
+    // Terms that depend on one group alone.
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_SPIN && !moved) { // rotation alone does not warm a body
+            done[g] = true;
+            fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
+                    SPIN_WIDTH);
+        }
+        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g]) {
+            continue;
+        }
+        const int p = v->mate[g];
+        done[p] = true;
+        if (v->linear[g]) {
+            fprintf(f,
+                    "      - {features: [\"|%s|^2\"], skip: linear}                  "
+                    "# kinetic: velocities are linear in momenta\n",
+                    name_of(v, p));
+        } else {
+            fprintf(f, "      - {features: [%s], hidden: %s, skip: quartic}\n", name_of(v, p),
+                    hidden_of(size_of(v, p)));
+        }
+    }
+    // A common term of the rest, and the heat.
+    list l = {.file = f};
+    int inputs = 0;
+    for (int g = 0; g < v->count; ++g) {
+        if (!is_entropy(v, g) && !done[g]) {
+            l = l.count == 0 ? open_list(f, "      - {features: ") : l;
+            inputs += add_energy_feature(d, &l, v, g);
+        }
+    }
+    if (l.count > 0) {
+        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(inputs));
+    }
+    // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
+    // of motion and of currents, which is even in momenta and fluxes, does not depend on the
+    // temperature. If it could, a large heat content would take the place of a small kinetic
+    // energy.
+    for (int g = 0; g < v->count; ++g) {
+        if (!is_entropy(v, g)) {
+            continue;
+        }
+        l = open_list(f, "      - {features: ");
+        for (int h = 0; h < v->count; ++h) {
+            const bool moves = v->odd[h] && v->unit[h].known;
+            if (!is_entropy(v, h) && !done[h] && !moves) {
+                (void)add_energy_feature(d, &l, v, h);
+            }
+        }
+        const bool coupled = l.count > 0;
+        add_name(&l, "", name_of(v, g));
+        fprintf(f, "]");
+        if (coupled) {
+            fprintf(f, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
+        }
+        // The temperature with which training starts, where it is far from that of a room.
+        const double kelvin = temperature_of(d, v, g), room = PM_DEFAULT_TEMPERATURE;
+        if (kelvin > 0 && fmax(kelvin, room) > NEAR_ROOM * fmin(kelvin, room)) {
+            fprintf(f, ", temperature: %.3g", kelvin * v->unit[g].factor);
+        }
+        fprintf(f, coupled ? "}   # heat, and its dependence on the rest: temperatures are "
+                             "positive\n"
+                           : "}   # heat: temperatures are positive by construction\n");
+    }
+}
+
+// --- subsystems: operators ---
+
+static bool is_free(const pm_part_view *v, int g) {
+    return v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant;
+}
+
+// Whether the lossless coupling of this group with others, or among its components, is learned. A
+// momentum may also move variables besides its position, such as the charge of a second capacitor
+// in a loop or the stretch of a spring in series with a dashpot.
+static bool is_coupled(const pm_part_view *v, int g) {
+    const pm_unit action = pm_unit_parse("J s");
+    bool coupled = is_free(v, g) || v->gyroscopic[g] || v->gyrates[g];
+    for (int k = 0; k < v->count && v->kind[g] == PM_VIEW_MOMENTUM; ++k) {
+        const pm_unit product = pm_unit_product(&v->unit[k], &v->unit[g]);
+        coupled = coupled || (is_free(v, k) && size_of(v, k) == size_of(v, g) &&
+                              pm_unit_equal(&product, &action));
+    }
+    return coupled;
+}
+
+// Writes L for an angular momentum z, sign z x, and for what turns with it: a direction z,
+// likewise, or a quaternion. In other units than kg m^2/s the cross product has a factor.
+static void write_turning(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
+    const int spin = v->kind[g] == PM_VIEW_SPIN ? g : v->mate[g];
+    const double factor = v->unit[spin].factor * v->sign[g];
+    const char *m = name_of(v, spin), *name = name_of(v, g);
+    const bool quaternion = v->quaternion[g].turns != 0;
+    if (!quaternion && !(factor < 1 || factor > 1)) {
+        fprintf(d->file, "%s[%s, %s, cross]", before, m, name);
+        return;
+    }
+    for (int k = 0; k < 4 * 3 && quaternion; ++k) {
+        int column;
+        const int sign = pm_quaternion_term(v->quaternion[g], k / 3, k % 3, &column);
+        fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]", k == 0 ? before : ", ",
+                name, k / 3, m, k % 3, sign * (0.5 / v->unit[spin].factor), name, column);
+    }
+    for (int c = 0, n = 0; c < 3 && !quaternion; ++c) {
+        for (int k = 1; k <= (g == spin ? 1 : 2); ++k) {
+            fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]",
+                    n++ == 0 ? before : ", ", m, c, name, (c + k) % 3, (k == 1 ? -1 : 1) / factor,
+                    name, (c + 3 - k) % 3);
+        }
+    }
+}
+
+// Writes conjugate pairs, what turns with an angular momentum, and couplings that are to be
+// learned.
+static void write_reversible(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    int given = 0, others = 0;
+    bool odd = false;
+    for (int g = 0; g < v->count; ++g) {
+        const char *before = given > 0 ? ", " : "    reversible:\n      given: [";
+        if (v->kind[g] == PM_VIEW_POSITION) {
+            fprintf(f, "%s[%s, %s, ", before, name_of(v, g), name_of(v, v->mate[g]));
+            write_number(f, v->sign[g] * coefficient_unit(&v->unit[g], &v->unit[v->mate[g]]));
+            fputc(']', f);
+            ++given;
+        } else if (v->kind[g] == PM_VIEW_SPIN || v->kind[g] == PM_VIEW_DIRECTION) {
+            write_turning(d, before, v, g);
+            ++given;
+        }
+        others += is_coupled(v, g) ? size_of(v, g) : 0;
+        odd = odd || (is_coupled(v, g) && v->odd[g]);
+    }
+    fprintf(f, given > 0 ? "]\n" : "");
+    if (others < 2 || !odd) { // such as the amounts of two species
+        return;
+    }
+    list l = open_list(f, given > 0 ? "      learned: {acts_on: "
+                                    : "    reversible:\n      learned: {acts_on: ");
+    for (int g = 0; g < v->count; ++g) {
+        if (is_coupled(v, g)) {
+            add_name(&l, "", name_of(v, g));
+        }
+    }
+    fprintf(f, "]}\n");
+}
+
+static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool heat) {
+    pm_look_group lossy[PM_MAX_GROUPS];
+    int n = 0, heats = 0;
+    for (int g = 0; g < v->count; ++g) {
+        if (may_lose(v, g)) {
+            lossy[n++] = v->group[g];
+        }
+        heats += is_entropy(v, g) && !v->group[g].constant ? size_of(v, g) : 0;
+    }
+    const int rank = pm_look_rank(&d->look, n, lossy) + (heats > 1 ? heats - 1 : 0);
+    if ((heats == 0 && !heat) || rank == 0) {
+        return;
+    }
+    list l = open_list(d->file, "    irreversible: {learned: {acts_on: ");
+    for (int pass = 0; pass < 2; ++pass) { // what is dissipated, then the entropies
+        for (int g = 0; g < v->count; ++g) {
+            if (pass == 0 ? may_lose(v, g) : is_entropy(v, g) && !v->group[g].constant) {
+                add_name(&l, "", name_of(v, g));
+            }
+        }
+    }
+    fprintf(d->file, "], rank: %d", rank);
+    if (d->p->form == PM_SOFT || heats > 0) {
+        l = open_strength(d);
+        add_strength(d, &l, v, "", NULL, d->p->form == PM_HARD && count_odd(v, NULL) == 1);
+        close_strength(d);
+    }
+    fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");
+}
+
+void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
+    const pm_scene_subsystem *subsystem = &d->p->scene->physics.subsystem[v->subsystem];
+    FILE *f = d->file;
+    bool heat = false; // some variable takes up heat
+    for (int g = 0; g < v->count; ++g) {
+        heat = heat || v->kind[g] == PM_VIEW_HEAT;
+    }
+    fprintf(f, "  %s:\n", subsystem->name);
+    comment_part(d, v);
+    if (d->p->form == PM_FREE) {
+        write_free(d, (const pm_layout *const[2]){&subsystem->layout, NULL},
+                   (const char *const[2]){"", ""});
+        return;
+    }
+    fprintf(f, "    form: %s\n", d->p->form == PM_HARD ? "hard" : "soft");
+    write_energy(d, v);
+    // S is the sum of the entropies, with coefficients where they are not in J/K, or a function of
+    // variables that take up heat.
+    list l = {.file = f};
+    if (v->nentropy > 0) {
+        bool scaled = false;
+        for (int g = 0; g < v->count; ++g) {
+            scaled =
+                scaled || (is_entropy(v, g) && (v->unit[g].factor < 1 || v->unit[g].factor > 1));
+        }
+        fprintf(f, "    entropy: {given: %s", scaled ? "{" : "[");
+        for (int g = 0; g < v->count; ++g) {
+            if (is_entropy(v, g)) {
+                add_name(&l, "", name_of(v, g));
+                if (scaled) {
+                    fprintf(f, ": ");
+                    write_number(f, v->unit[g].factor);
+                }
+            }
+        }
+        fprintf(f, scaled ? "}}\n" : "]}\n");
+    } else if (heat) {
+        l = open_list(f, "    entropy:\n      - {features: ");
+        for (int g = 0; g < v->count; ++g) {
+            add_name(&l, "", name_of(v, g));
+        }
+        fprintf(f, "], hidden: [%d], skip: quadratic}\n", ENTROPY_WIDTH);
+    } else {
+        fprintf(f, "    # No variable takes up heat, so that this subsystem conserves its "
+                   "energy. If it should "
+                   "not, the scene lacks an entropy.\n");
+    }
+    write_reversible(d, v);
+    write_irreversible(d, v, heat);
+}
+
+// --- ports ---
+
+// A port that is being written.
+typedef struct port_draft {
+    const pm_draft *d;
+    FILE *f;
+    const pm_scene_port *scene;
+    const pm_layout *shown[2];     // the groups that each end exposes
+    const pm_part_view *part[2];   // the subsystem at each end; NULL: a boundary input
+    bool heats[2][PM_MAX_GROUPS];  // groups shown: entropies that take part in dissipation
+    bool losses[2][PM_MAX_GROUPS]; // groups shown: on which dissipation may act
+    // Those of heats with an entropy that a feature may name; a boundary input has only a
+    // temperature.
+    bool entropies[2][PM_MAX_GROUPS];
+} port_draft;
+
+// Returns true if a variable of one end may move this group of the other end without loss: their
+// units differ, and one of them changes its sign when time runs backwards. A voltage at the end of
+// a resistor moves a charge by dissipation alone.
+static bool may_move(const pm_layout *other, const pm_group *group) {
+    const pm_unit unit = pm_unit_parse(group->unit);
+    bool moves = false;
+    for (int g = 0; g < other->ngroup && group->role != PM_ROLE_ENTROPY; ++g) {
+        const pm_unit of_other = pm_unit_parse(other->group[g].unit);
+        moves =
+            moves || (other->group[g].role != PM_ROLE_ENTROPY && !pm_unit_equal(&unit, &of_other) &&
+                      (pm_view_is_odd(&unit) || pm_view_is_odd(&of_other)));
+    }
+    return moves;
+}
+
+// Writes the pairs whose coefficients the data show, the guessed ones as constants that are to be
+// learned. Friction accounts for the rest.
+static void write_given(const port_draft *p, const pm_port_view *view) {
+    int nlever = 0;
+    for (int i = 0; i < view->count; ++i) {
+        if (view->pair[i].guessed) {
+            fprintf(p->f, nlever++ == 0 ? "    constants: {" : ", ");
+            fprintf(p->f, "lever%d: {learned: ", nlever);
+            write_number(p->f, view->pair[i].coefficient);
+            fputc('}', p->f);
+        }
+    }
+    fprintf(p->f, nlever > 0 ? "}   # of size 1, unless there is a gear or a lever\n" : "");
+    fprintf(p->f,
+            "    reversible:\n"
+            "      # The data show that a momentum of one end moves a position of the other end.\n"
+            "      given: [");
+    for (int i = 0, n = 0, levers = 0; i < view->count; ++i) {
+        const pm_pair_view *pair = &view->pair[i];
+        if (pair->coefficient == 0) {
+            continue;
+        }
+        const int group[2] = {pair->a, pair->b}, first = pair->momentum_first ? 0 : 1;
+        const double units =
+            coefficient_unit(&p->part[0]->unit[pair->a], &p->part[1]->unit[pair->b]);
+        const bool plain = pair->guessed && !(units < 1 || units > 1);
+        fprintf(p->f, "%s[%s%s, %s%s, %s", n++ > 0 ? ", " : "", ends[first],
+                name_of(p->part[first], group[first]), ends[1 - first],
+                name_of(p->part[1 - first], group[1 - first]), pair->guessed && !plain ? "\"" : "");
+        if (!plain) {
+            write_number(p->f, pair->guessed ? units : pair->coefficient * units);
+        }
+        if (pair->guessed) {
+            fprintf(p->f, plain ? "lever%d" : "*lever%d\"", ++levers);
+        }
+        fputc(']', p->f);
+    }
+    fprintf(p->f, "]\n");
+}
+
+// Writes a learned coupling. Currents couple with the entropies of both ends: without loss only
+// variables that change their sign when time runs backwards move those that keep it, and the
+// entropy that a current carries depends on the latter. Otherwise the groups of the pairs couple.
+static void write_learned(const port_draft *p, const pm_port_view *view, bool given) {
+    static const char *const before[] = {
+        "      learned: {acts_on: ", "], against: ", "], features: "};
+    bool paired[2][PM_MAX_GROUPS] = {{false}};
+    for (int i = 0; i < view->count && !given; ++i) {
+        paired[0][view->pair[i].a] = paired[1][view->pair[i].b] = true;
+    }
+    fprintf(p->f, view->carries
+                      ? "      # In the data a current carries entropy from one end to the other.\n"
+                      : "      # In the data, rates of one end follow variables of the other end. "
+                        "The strength is learned.\n");
+    for (int k = 0; k < (view->carries ? 3 : 2); ++k) {
+        list l = open_list(p->f, before[k]);
+        for (int end = 0; end < 2; ++end) {
+            const pm_part_view *v = p->part[end];
+            for (int g = 0; g < v->count; ++g) {
+                const pm_group *shown = pm_layout_find(p->shown[end], name_of(v, g));
+                const bool heats = shown != NULL && p->heats[end][shown - p->shown[end]->group];
+                const bool feature = k == 2 && shown != NULL && !v->group[g].constant;
+                const bool coupled = view->current[end][g] || paired[end][g] || heats || feature;
+                if (view->carries ? coupled && v->odd[g] == (k == 0) : paired[end][g] && end == k) {
+                    add_name(&l, ends[end], name_of(v, g));
+                }
+            }
+        }
+    }
+    if (view->carries) {
+        fprintf(p->f, "], hidden: [%d], skip: linear}\n", CARRIED_WIDTH);
+    } else {
+        fprintf(p->f, "]}\n");
+    }
+}
+
+static void write_port_reversible(const port_draft *p, int port) {
+    if (p->part[0] == NULL || p->part[1] == NULL) {
+        // The values of a boundary input are not among the states that propose/look.h examines.
+        bool any = false;
+        for (int g = 0; g < p->shown[0]->ngroup; ++g) {
+            any = any || may_move(p->shown[1], &p->shown[0]->group[g]);
+        }
+        if (!any) {
+            return;
+        }
+        fprintf(
+            p->f,
+            "    reversible:\n      # How the boundary input acts on the subsystem is learned.\n");
+        for (int end = 0; end < 2; ++end) {
+            list l = open_list(p->f, end == 0 ? "      learned: {acts_on: " : ", against: ");
+            for (int g = 0; g < p->shown[end]->ngroup; ++g) {
+                if (may_move(p->shown[1 - end], &p->shown[end]->group[g])) {
+                    add_name(&l, ends[end], p->shown[end]->group[g].name);
+                }
+            }
+            fprintf(p->f, "]");
+        }
+        fprintf(p->f, "}\n");
+        return;
+    }
+    pm_port_view view;
+    pm_view_port(&p->d->look, p->d->part, port, &view);
+    // Given are the coefficients that the data show, or else the guessed ones if nothing else is to
+    // be learned. The others become 0.
+    bool shown = false, all = !view.carries;
+    for (int i = 0; i < view.count; ++i) {
+        shown = shown || (view.pair[i].coefficient != 0 && !view.pair[i].guessed);
+        all = all && view.pair[i].coefficient != 0;
+    }
+    for (int i = 0; i < view.count; ++i) {
+        pm_pair_view *pair = &view.pair[i];
+        if (pair->guessed && (shown || !all)) {
+            *pair = (pm_pair_view){.a = pair->a, .b = pair->b};
+        }
+    }
+    const bool given = shown || (all && view.count > 0);
+    if (view.count == 0 && !view.carries) {
+        fprintf(p->f,
+                "    # No variable of one end moves a variable of the other end without loss.\n");
+        return;
+    }
+    if (given) {
+        write_given(p, &view);
+    } else {
+        fprintf(p->f, "    reversible:\n");
+    }
+    if (view.carries || !given) {
+        write_learned(p, &view, given);
+    }
+}
+
+// Adds the groups of both ends that are marked.
+static void add_marked(const port_draft *p, list *l, const bool marked[2][PM_MAX_GROUPS]) {
+    for (int end = 0; end < 2; ++end) {
+        for (int g = 0; g < p->shown[end]->ngroup; ++g) {
+            if (marked[end][g]) {
+                add_name(l, ends[end], p->shown[end]->group[g].name);
+            }
+        }
+    }
+}
+
+static void write_port_irreversible(const port_draft *p) {
+    const pm_draft *d = p->d;
+    int lossy = 0, heats = 0, odd = 0;
+    for (int end = 0; end < 2; ++end) {
+        for (int g = 0; g < p->shown[end]->ngroup; ++g) {
+            const int size = p->shown[end]->group[g].size;
+            heats += p->heats[end][g] ? size : 0;
+            lossy += p->losses[end][g] ? size : 0;
+        }
+        odd += p->part[end] == NULL ? 0 : count_odd(p->part[end], p->shown[end]);
+    }
+    // The port gets as many irreversible processes as it has variables: with the smallest
+    // sufficient number, fits end in poor minima.
+    const int rank = lossy + (heats > 1 ? heats - 1 : 0);
+    if (heats == 0 || rank == 0) {
+        fprintf(p->f, "    # No heat passes through this port, since it exposes no entropy.\n");
+        return;
+    }
+    list l = open_list(p->f, "    irreversible: {learned: {acts_on: ");
+    add_marked(p, &l, p->losses);
+    add_marked(p, &l, p->heats);
+    fprintf(p->f, "], rank: %d", rank);
+    if (lossy == 0 && d->p->form == PM_HARD) {
+        l = open_list(p->f, ", features: ");
+        add_marked(p, &l, p->entropies);
+        fprintf(p->f, "], hidden: [%d]", HEAT_PORT_WIDTH);
+    } else { // functions of what both ends expose; a boundary input is no feature
+        l = open_strength(d);
+        for (int end = 0; end < 2; ++end) {
+            if (p->part[end] != NULL) {
+                add_strength(d, &l, p->part[end], ends[end], p->shown[end],
+                             d->p->form == PM_HARD && odd == 1);
+            }
+        }
+        close_strength(d);
+    }
+    fprintf(p->f, "}}   # %s%s\n", lossy > 0 ? "friction between the ends" : "",
+            heats < 2   ? ""
+            : lossy > 0 ? ", and heat"
+                        : "heat; the conductance may vary with the entropies");
+}
+
+void pm_draft_port(const pm_draft *d, int port) {
+    port_draft p = {.d = d, .f = d->file, .scene = &d->p->scene->physics.port[port]};
+    for (int end = 0; end < 2; ++end) {
+        const int id = p.scene->subsystem[end];
+        p.part[end] = id < 0 ? NULL : &d->part[id];
+        p.shown[end] = &p.scene->layout[end];
+        for (int g = 0; g < p.shown[end]->ngroup; ++g) {
+            const pm_group *group = &p.shown[end]->group[g];
+            bool constant = false, loses = false, known = true;
+            if (id < 0) { // without dS it takes no part in dissipation
+                const pm_scene_boundary_input *input =
+                    &d->p->scene->physics.boundary_input[p.scene->boundary_input[end]];
+                known =
+                    input->value[2 * input->layout.nz + p.scene->component[end][group->first]].at !=
+                    NULL;
+                loses = known && group->role != PM_ROLE_ENTROPY;
+            }
+            for (int k = 0; id >= 0 && k < p.part[end]->count; ++k) {
+                if (strcmp(name_of(p.part[end], k), group->name) == 0) {
+                    constant = p.part[end]->group[k].constant;
+                    loses = may_lose(p.part[end], k);
+                }
+            }
+            p.heats[end][g] = group->role == PM_ROLE_ENTROPY && known && !constant;
+            p.losses[end][g] = loses;
+            p.entropies[end][g] = p.heats[end][g] && id >= 0;
+        }
+    }
+    fprintf(d->file, "  %s:\n    law: %s\n", p.scene->name,
+            d->p->form == PM_FREE ? "exchange" : "bracket");
+    if (d->p->form == PM_FREE) {
+        write_free(d, p.shown, (const char *const[2]){"own.", "other."});
+        return;
+    }
+    fprintf(d->file, d->p->form == PM_SOFT ? "    form: soft\n" : "");
+    write_port_reversible(&p, port);
+    write_port_irreversible(&p);
+}

@@ -1,0 +1,315 @@
+// Window lengths double from point to point, and the weight of gaps rises at the same time. Windows
+// stay short where the system amplifies a change of the start too much for a longer one.
+#include "shooting/continuation.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+// Gaps count like residuals of this many deviations of the noise at first.
+#define FIRST_GAP 3.0
+#define GAP_FALLS 0.3 // factor from point to point
+// Windows double while their gaps, as large as they become until the end of the next window, stay
+// below this many deviations of the noise.
+#define MOST_GROWN_GAP 10
+#define WIDER 3.0 // deviation of later starts from the guess, in units of what they are off by
+#define COARSER 2 // the factor between the steps of the integrator in the first windows and later
+// A point goes on while its steps still lower the objective: what short windows leave wrong along a
+// direction that the data hardly determine, long windows repair only in tiny steps.
+#define POINT_ITERATIONS 100
+#define POINT_ENOUGH 1e-2
+#define LAST_ITERATIONS 40
+#define LAST_ENOUGH 1e-4
+// A point goes on with the new noise until its relative change is below this.
+#define MOST_ROUNDS 8
+#define LAST_ROUNDS 3
+#define POINT_SETTLED 0.2
+#define LAST_SETTLED 0.02
+// Noise below this fraction of the deviation of a column is rounding of the data.
+#define LEAST_NOISE 1e-7
+// Hidden components count as known to this fraction of their typical size, in relation to the mean
+// relative noise of the measured ones.
+#define NORMAL_MEDIAN 1.4826022185056018
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+// --- noise ---
+
+// Estimates the noise of every column from the median absolute residual. Given noise counts in the
+// last point; before, residuals contain what is still wrong with the model, too.
+// Raises *change to the largest relative change; `change` may be NULL.
+static pm_status update_noise(pm_shooting *s, const pm_continuation *continuation, bool last,
+                              double *change) {
+    size_t most = 1;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        most += (size_t)s->tracks->track[i].count;
+    }
+    double *size = malloc(most * sizeof *size);
+    if (size == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an estimate of noise");
+    }
+    for (int c = 0; c < s->ny; ++c) {
+        size_t n = 0;
+        for (int i = 0; i < s->tracks->count; ++i) {
+            const pm_track *r = &s->tracks->track[i];
+            for (int k = 0; k < r->count; ++k) {
+                const ptrdiff_t at = (ptrdiff_t)k * s->ny + c;
+                if (isfinite(r->y[at])) {
+                    size[n++] = fabs(s->residual[i][at]);
+                }
+            }
+        }
+        qsort(size, n, sizeof *size, compare);
+        const double least =
+            (last ? LEAST_NOISE : PM_CONTINUATION_EARLY_NOISE) * s->tracks->deviation[c];
+        const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
+        const double given = continuation->given[c];
+        const double noise = given > 0 && last ? given : fmax(fmax(estimate, least), given);
+        if (change != NULL) {
+            *change = fmax(*change, fabs(noise / s->terms.noise[c] - 1));
+        }
+        s->terms.noise[c] = noise;
+    }
+    free(size);
+    return PM_OK;
+}
+
+// Sets by what gaps are divided: `factor` times the noise of the component's column, or for hidden
+// components their size times the mean relative noise.
+static void set_gaps(pm_shooting *s, const pm_continuation *continuation, double factor) {
+    double logarithm = 0;
+    for (int c = 0; c < s->ny; ++c) {
+        logarithm += log(s->terms.noise[c] / s->tracks->deviation[c]) / s->ny;
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        // The size of the changes of component c over all windows. As long as all windows
+        // start at the guess, this is the size that the scene expects.
+        double sum = 0, square = 0;
+        for (int w = 0; w < s->nwindow; ++w) {
+            const double z = s->z[(ptrdiff_t)w * s->nz + c];
+            sum += z;
+            square += z * z;
+        }
+        const double mean = sum / s->nwindow;
+        const double deviation = sqrt(fmax(square / s->nwindow - mean * mean, 0));
+        const double typical = fmax(continuation->typical[c], 0);
+        const double size = deviation > 0 ? fmax(deviation, 1e-3 * typical) : typical;
+        s->terms.gap[c] = factor * exp(logarithm) * (size > 0 ? size : 1);
+    }
+    for (int c = 0; c < s->ny; ++c) {
+        if (s->observation->component[c] >= 0) {
+            s->terms.gap[s->observation->component[c]] = factor * s->terms.noise[c];
+        }
+    }
+}
+
+// Lets the starts of later windows be as far from the guess as hidden components have moved, once
+// they have moved further than the deviation of the first start: this prior is about the start of a
+// trajectory, and knows nothing of what happens after it.
+// Returns the largest relative change.
+static double widen_later_priors(pm_shooting *s) {
+    double change = 0;
+    for (int c = 0; c < s->nz; ++c) {
+        double square = 0;
+        long count = 0;
+        for (int w = 0; w < s->nwindow; ++w) {
+            const double d = s->z[(ptrdiff_t)w * s->nz + c] - s->observation->guess[c];
+            square += s->window[w].follows ? d * d : 0;
+            count += s->window[w].follows;
+        }
+        const double moved = count > 0 ? sqrt(square / (double)count) : 0,
+                     before = s->terms.later[c];
+        s->terms.later[c] =
+            s->terms.prior[c] > 0 && moved > s->terms.prior[c] ? WIDER * moved : s->terms.prior[c];
+        change = fmax(change, before > 0 ? fabs(s->terms.later[c] / before - 1) : 0);
+    }
+    return change;
+}
+
+// --- points ---
+
+// The root mean square gap in units of the noise.
+static double gap_size(const pm_shooting *s, double factor) {
+    double square = 0;
+    long count = 0;
+    for (int w = 0; w + 1 < s->nwindow; ++w) {
+        for (int c = 0; c < s->nz && !s->window[w].ends; ++c) {
+            const ptrdiff_t at = (ptrdiff_t)w * s->nz + c;
+            const double r = (s->end[at] - s->z[at + s->nz]) / s->terms.gap[c] * factor;
+            square += r * r;
+            ++count;
+        }
+    }
+    return count > 0 ? sqrt(square / (double)count) : 0;
+}
+
+// The growth of changes from start to end in units of the gaps, which nine of ten windows do not
+// exceed.
+static double growth(const pm_shooting *s) {
+    double *size = malloc((size_t)s->nwindow * sizeof *size);
+    int n = 0;
+    for (int w = 0; w < s->nwindow && size != NULL; ++w) {
+        double largest = 0;
+        for (int i = 0; i < s->nz && !s->window[w].ends; ++i) {
+            for (int k = 0; k < s->nz; ++k) {
+                const double d = s->blocks.end_by_start[((ptrdiff_t)w * s->nz + i) * s->nz + k];
+                largest = fmax(largest, fabs(d) * s->terms.gap[k]);
+            }
+        }
+        if (!s->window[w].ends) {
+            size[n++] = largest;
+        }
+    }
+    qsort(size, (size_t)n, sizeof *size, compare);
+    const double most = n > 0 ? size[9 * n / 10] : 0;
+    free(size);
+    return most;
+}
+
+int pm_continuation_first_length(const pm_shooting *s) {
+    const int length = (2 * s->nz + s->ny - 1) / s->ny;
+    return length > PM_CONTINUATION_SHORTEST ? length : PM_CONTINUATION_SHORTEST;
+}
+
+// A point in progress.
+typedef struct running_point {
+    const pm_continuation *continuation;
+    pm_continuation_point *point;
+} running_point;
+
+static pm_status keep_progress(void *context, const pm_shooting_progress *progress) {
+    const running_point *r = context;
+    r->point->progress = *progress;
+    return r->continuation->keep == NULL
+               ? PM_OK
+               : r->continuation->keep(r->continuation->context, r->point);
+}
+
+static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
+                           pm_continuation_point *point) {
+    int iterations = 0;
+    const clock_t started = clock();
+    const bool last = point->stage == PM_CONTINUATION_LAST;
+    bool settled = false;
+    running_point running = {continuation, point};
+    const pm_shooting_limits limits = {.iterations = last ? LAST_ITERATIONS : POINT_ITERATIONS,
+                                       .enough = last ? LAST_ENOUGH : POINT_ENOUGH,
+                                       .stop = continuation->stop,
+                                       .keep = keep_progress,
+                                       .context = &running};
+    pm_shooting_progress progress = point->progress;
+    if (point->round == 0 && progress.iterations == 0) {
+        widen_later_priors(s);
+    }
+    for (; point->round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++point->round) {
+        if (progress.iterations == 0) {
+            set_gaps(s, continuation, point->factor);
+        }
+        PM_TRY(pm_shooting_minimise(s, &limits, &point->damping, &progress));
+        iterations += progress.iterations;
+        point->after = progress.after;
+        progress = (pm_shooting_progress){0};
+        double change = s->terms.everywhere ? widen_later_priors(s) : 0;
+        PM_TRY(update_noise(s, continuation, last, &change));
+        settled = change < (last ? LAST_SETTLED : POINT_SETTLED);
+    }
+    point->round = 0;
+    point->progress = progress;
+    if (continuation->loud) {
+        double noise = 0;
+        for (int c = 0; c < s->ny; ++c) {
+            noise += log(s->terms.noise[c] / s->tracks->deviation[c]) / s->ny;
+        }
+        printf("%s of %-6d %8d iterations %8.2f s of CPU   %d windows, residual %.3g %% of the "
+               "deviation, gaps %.2g of the noise\n",
+               s->terms.hold ? "starts, windows" : "windows", point->length, iterations,
+               ((double)(clock() - started) / CLOCKS_PER_SEC), s->nwindow, 100 * exp(noise),
+               gap_size(s, point->factor));
+        fflush(stdout);
+    }
+    return PM_OK;
+}
+
+// Prepares the shooting for a stage of the continuation with `substeps` steps of the integrator at
+// the end.
+static void begin_stage(pm_shooting *s, int stage, int substeps) {
+    // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
+    s->terms.hold = stage == PM_CONTINUATION_STARTS;
+    // Until the noise is known, directions that the data hardly determine must not wander.
+    s->terms.early = stage != PM_CONTINUATION_LAST;
+    // Where gaps hardly count, priors keep the starts of all windows from making up for the
+    // weights.
+    s->terms.everywhere = stage == PM_CONTINUATION_STARTS || stage == PM_CONTINUATION_SHORT;
+    // Long windows multiply the errors of long steps: trajectories that were found with them would
+    // be too far from those with short steps to lead there.
+    const int own = s->terms.everywhere ? (substeps + COARSER - 1) / COARSER : substeps;
+    if (own != s->how.substeps) {
+        pm_shooting_set_substeps(s, own);
+    }
+}
+
+// Chooses the point after one that has ended.
+static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
+                            pm_continuation_point *point) {
+    if (point->stage == PM_CONTINUATION_STARTS) {
+        point->stage = PM_CONTINUATION_SHORT;
+        point->damping = 0;
+        return PM_OK;
+    }
+    if (point->stage == PM_CONTINUATION_LAST) {
+        point->stage = PM_CONTINUATION_DONE;
+        return PM_OK;
+    }
+    point->stage = PM_CONTINUATION_GROW;
+    const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
+    const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
+    int longest = 0;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        longest = s->tracks->track[i].count > longest ? s->tracks->track[i].count : longest;
+    }
+    // Once every track is one window, there is no gap left to close.
+    if (point->length >= longest || (closed && !joins)) {
+        point->stage = PM_CONTINUATION_LAST;
+        return update_noise(s, continuation, true, NULL);
+    }
+    point->factor = fmax(point->factor * GAP_FALLS, PM_CONTINUATION_LAST_GAP);
+    if (joins) {
+        point->length *= 2;
+        PM_TRY(pm_shooting_divide(s, point->length));
+    }
+    return PM_OK;
+}
+
+pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation) {
+    const int substeps = s->how.substeps;
+    pm_continuation_point point = continuation->first_point;
+    if (point.stage == PM_CONTINUATION_NONE) {
+        // Divides the tracks into the first windows. Noise is at first what the model as it is
+        // leaves unexplained, so that no residual counts as an outlier before the model is any
+        // good.
+        pm_continuation_point *p = &point;
+        *p = (pm_continuation_point){.stage = PM_CONTINUATION_STARTS,
+                                     .length = continuation->first > 0
+                                                   ? continuation->first
+                                                   : pm_continuation_first_length(s),
+                                     .factor = FIRST_GAP};
+        begin_stage(s, p->stage, substeps);
+        PM_TRY(pm_shooting_divide(s, p->length));
+        pm_shooting_evaluate(s, s->z, false);
+        PM_TRY(s->failed);
+        PM_TRY(update_noise(s, continuation, false, NULL));
+    }
+    while (point.stage != PM_CONTINUATION_DONE) {
+        begin_stage(s, point.stage, substeps);
+        PM_TRY(continuation->keep == NULL ? PM_OK
+                                          : continuation->keep(continuation->context, &point));
+        PM_TRY(run_point(s, continuation, &point));
+        PM_TRY(next_point(s, continuation, &point));
+    }
+    return continuation->keep == NULL ? PM_OK : continuation->keep(continuation->context, &point);
+}

@@ -1,0 +1,67 @@
+// The states of a system at measured times, and their sensitivities: programs that take states from
+// one measured time to the next and compute what is measured there, for a batch of states at once.
+// Derivatives with respect to the state at the start and to all weights are carried along from step
+// to step (forward sensitivities; Bock, 1987), so that their cost grows linearly with the number of
+// steps.
+#ifndef PM_TRAINER_SHOOTING_SENSITIVITY_H
+#define PM_TRAINER_SHOOTING_SENSITIVITY_H
+
+#include "data/track.h"
+#include "scene/boundary_input.h"
+#include "scene/integrator.h"
+
+// How a system is integrated between measured times.
+typedef struct pm_sensitivity_how {
+    pm_system *system;                 // borrowed; its weights at the time of a call count
+    const pm_observation *observation; // borrowed
+    const pm_integrator *integrator;   // borrowed
+    int substeps;                      // steps of the integrator in one dt of the scene
+    bool stretched;                    // intervals are not all dt long
+    bool fixed;                        // derivatives with respect to the weights are not computed
+} pm_sensitivity_how;
+
+// The compiled programs with their memory. Each thread needs a pm_sensitivity of its own.
+typedef struct pm_sensitivity pm_sensitivity;
+
+#define PM_SENSITIVITY_BATCH 32 // states at a time
+
+// Opens the programs, with derivatives or without. The caller closes. PM_ENOMEM.
+pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,
+                              bool derivatives);
+void pm_sensitivity_close(pm_sensitivity *sensitivity); // NULL is allowed
+
+// Returns the number of coefficients of the boundary inputs that a step reads for one interval.
+int pm_sensitivity_inputs(const pm_sensitivity *sensitivity);
+
+// A state that the integrator advances in time, with its derivatives. The caller owns the arrays.
+typedef struct pm_sensitivity_item {
+    double *z;          // [nz] the state
+    double *by_start;   // [nz][nz] its derivative with respect to the state at the start
+    double *by_weights; // [nz][nweight] its derivative with respect to the weights
+    const double
+        *input; // [pm_sensitivity_inputs] the boundary inputs over the coming interval, or NULL
+    double duration; // of the coming interval, in dt of the scene
+} pm_sensitivity_item;
+
+// Gives `count` items arrays in the arena, for nz components and nweight weights. The caller checks
+// the arena.
+void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, size_t nweight,
+                             pm_arena *arena);
+// Makes the state of `item` a start: by_start becomes the identity and by_weights zero.
+void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item *item);
+// Advances the states of all items [count], count <= PM_SENSITIVITY_BATCH, by one interval each,
+// which is one step of the scene stretched to item->duration. Also advances the derivatives if
+// there are any.
+void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item);
+// Takes item i of items [count] from sample[i] of the track track[i] to the next sample; a sample
+// of -1 stays where it is.
+void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *item,
+                            const pm_track *const *track, const int *sample);
+// Computes the measured columns y [count][ny] at the present states of the items. If there are
+// derivatives, also writes the derivatives of y with respect to the start, by_start
+// [count][ny][nz], and with respect to the weights, by_weights [count][ny][nweight].
+void pm_sensitivity_measure(pm_sensitivity *sensitivity, int count,
+                            pm_sensitivity_item *const *item, double *y, double *by_start,
+                            double *by_weights);
+
+#endif
