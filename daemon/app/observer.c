@@ -9,7 +9,7 @@
 
 #include "app/notify.h"
 #include "app/status.h"
-#include "base/record.h"
+#include "base/serializer.h"
 #include "sim/score.h"
 
 // --- the report ---
@@ -73,34 +73,34 @@ static void add_sample(pm_report *report, const pm_sample *sample) {
     }
 }
 
-static void put_sums(pm_record *record, const char *name, energy_entropy *sums) {
-    pm_record_put(record, name, &sums->energy, 1);
-    pm_record_put(record, name, &sums->entropy, 1);
+static void put_sums(pm_serializer *serializer, const char *name, energy_entropy *sums) {
+    pm_serializer_put(serializer, name, &sums->energy, 1);
+    pm_serializer_put(serializer, name, &sums->entropy, 1);
 }
 
-// Puts all numbers that the report needs to continue after a sample into the record.
-static void put_record(void *context, pm_record *record) {
+// Puts all numbers that the report needs to continue after a sample into the serializer.
+static void put_record(void *context, pm_serializer *serializer) {
     pm_report *report = ((const pm_observer *)context)->report;
     const pm_setup *setup = report->setup;
-    pm_record_put_long(record, "steps", &report->steps);
-    pm_record_put_int(record, "compared", &report->ncompared);
-    pm_record_put_long(record, "evaluated", &report->evaluated);
-    pm_record_put_long(record, "skipped", &report->skipped);
-    pm_record_put_int(record, "strayed", &report->strayed);
-    pm_record_put_int(record, "farthest", &report->farthest);
-    pm_record_put_long(record, "farthest steps", &report->farthest_steps);
+    pm_serializer_put_long(serializer, "steps", &report->steps);
+    pm_serializer_put_int(serializer, "compared", &report->ncompared);
+    pm_serializer_put_long(serializer, "evaluated", &report->evaluated);
+    pm_serializer_put_long(serializer, "skipped", &report->skipped);
+    pm_serializer_put_int(serializer, "strayed", &report->strayed);
+    pm_serializer_put_int(serializer, "farthest", &report->farthest);
+    pm_serializer_put_long(serializer, "farthest steps", &report->farthest_steps);
     for (int i = 0; i < report->nlisted; ++i) {
-        pm_record_put_long(record, "outside", &report->outside[i]);
-        put_sums(record, "bulk", &report->bulk[i]);
+        pm_serializer_put_long(serializer, "outside", &report->outside[i]);
+        put_sums(serializer, "bulk", &report->bulk[i]);
     }
     for (int k = 0; k < setup->scene->physics.first_end[report->nlisted]; ++k) {
-        put_sums(record, "flux", &report->flux[k]);
+        put_sums(serializer, "flux", &report->flux[k]);
     }
     for (int g = 0; report->score != NULL && g < setup->columns.ngroup; ++g) {
-        pm_record_put(record, "error", &report->score[g].error, 1);
-        pm_record_put(record, "norm", &report->score[g].norm, 1);
+        pm_serializer_put(serializer, "error", &report->score[g].error, 1);
+        pm_serializer_put(serializer, "norm", &report->score[g].norm, 1);
     }
-    if (pm_record_restores(record)) {
+    if (pm_serializer_restores(serializer)) {
         report->timed_from = report->steps;
         report->first = report->last = pm_clock();
     }

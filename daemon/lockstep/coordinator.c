@@ -141,11 +141,11 @@ static int64_t steps_shown(const pm_lockstep_coordinator *c) {
 // --- checkpoint ---
 
 // Lists the numbers of the checkpoint, the steps completed first.
-static void list(pm_lockstep_coordinator *c, pm_record *record, long *completed) {
-    pm_record_put_long(record, "completed", completed);
-    pm_ledger_record(&c->ledger, record);
+static void list(pm_lockstep_coordinator *c, pm_serializer *serializer, long *completed) {
+    pm_serializer_put_long(serializer, "completed", completed);
+    pm_ledger_record(&c->ledger, serializer);
     if (c->observer.record != NULL) {
-        c->observer.record(c->observer.context, record);
+        c->observer.record(c->observer.context, serializer);
     }
 }
 
@@ -160,11 +160,12 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     if (c->checkpoint == NULL) {
         return PM_OK;
     }
-    pm_record record = pm_record_count("coordinator");
-    list(c, &record, &completed);
-    c->checkpoint_key = (pm_snapshot_key){c->endpoint.system->digest, record.layout, record.count};
+    pm_serializer serializer = pm_serializer_count("coordinator");
+    list(c, &serializer, &completed);
+    c->checkpoint_key =
+        (pm_snapshot_key){c->endpoint.system->digest, serializer.layout, serializer.count};
     c->checkpoint_state =
-        pm_arena_array(&c->arena, (size_t)record.count, sizeof *c->checkpoint_state);
+        pm_arena_array(&c->arena, (size_t)serializer.count, sizeof *c->checkpoint_state);
     PM_TRY(pm_arena_status(&c->arena, "the coordinator"));
     PM_TRY(pm_snapshot_session(c->checkpoint, c->endpoint.system->digest, &session, &found));
     if (!found || (wanted > 0 && wanted != session)) {
@@ -182,8 +183,8 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     if (c->completed < 0) {
         return PM_OK;
     }
-    record = pm_record_restore("coordinator", c->checkpoint_state);
-    list(c, &record, &completed);
+    serializer = pm_serializer_restore("coordinator", c->checkpoint_state);
+    list(c, &serializer, &completed);
     c->granted = grant_limit(c, c->completed);
     c->tick_wanted = true;
     enter(c, PM_COORDINATOR_STEPPING);
@@ -597,8 +598,8 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
         if (c->checkpoint != NULL && (last || c->completed % c->interval == 0)) {
             // Saves the checkpoint, after the recording up to this step.
             long completed = (long)c->completed;
-            pm_record record = pm_record_save("coordinator", c->checkpoint_state);
-            list(c, &record, &completed);
+            pm_serializer serializer = pm_serializer_save("coordinator", c->checkpoint_state);
+            list(c, &serializer, &completed);
             if (c->observer.flush != NULL) {
                 PM_TRY(c->observer.flush(c->observer.context));
             }

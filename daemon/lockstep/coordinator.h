@@ -48,9 +48,9 @@ typedef struct pm_lockstep_observer {
     void (*pause)(void *context, const char *silent);
     // Called once each time the gate holds the run: every process waits after `step`. May be NULL.
     void (*hold)(void *context, long step);
-    // Puts the observer's numbers after its last step into the record, or restores them. May be
+    // Puts the observer's numbers after its last step into the serializer, or restores them. May be
     // NULL.
-    void (*record)(void *context, pm_record *record);
+    void (*record)(void *context, pm_serializer *serializer);
     // Called once a second with the health of the run (health.h). May be NULL.
     void (*health)(void *context, const portmet_health_t *health);
     // Called with a warning for the user: one process makes all others wait, or messages to a

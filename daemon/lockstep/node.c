@@ -168,15 +168,15 @@ static void note_used(pm_lockstep_node *node, const pm_flux_link *link) {
 // --- checkpoints ---
 
 // Lists the numbers of a checkpoint, the step first.
-static void list(pm_record *record, long *step, pm_process_subsystems *subsystems) {
-    pm_record_put_long(record, "step", step);
-    pm_local_subsystems_record(subsystems->local, record);
+static void list(pm_serializer *serializer, long *step, pm_process_subsystems *subsystems) {
+    pm_serializer_put_long(serializer, "step", step);
+    pm_local_subsystems_record(subsystems->local, serializer);
 }
 
 // Saves the state of the subsystems after `step` steps to a checkpoint [size].
 static void save_state(double *checkpoint, long step, pm_process_subsystems *subsystems) {
-    pm_record record = pm_record_save("node", checkpoint);
-    list(&record, &step, subsystems);
+    pm_serializer serializer = pm_serializer_save("node", checkpoint);
+    list(&serializer, &step, subsystems);
 }
 
 static double *newer(const pm_checkpoint_ring *ring) {
@@ -256,8 +256,8 @@ static pm_status roll_back(pm_lockstep_node *node, int64_t step) {
         ring->state[0] = -1;
     }
     long found = 0;
-    pm_record record = pm_record_restore("node", newer(ring));
-    list(&record, &found, &node->subsystems);
+    pm_serializer serializer = pm_serializer_restore("node", newer(ring));
+    list(&serializer, &found, &node->subsystems);
     node->endpoint.attempt += 1;
     node->step = found;
     node->furthest = found > node->furthest ? found : node->furthest;
@@ -1004,11 +1004,11 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     if (ring->path != NULL) {
         // The present state is the checkpoint of step 0; the file is written when the run begins.
         long start = 0;
-        pm_record record = pm_record_count("node");
-        list(&record, &start, subsystems);
+        pm_serializer serializer = pm_serializer_count("node");
+        list(&serializer, &start, subsystems);
         ring->interval = pm_checkpoint_interval(scene);
-        ring->size = record.count;
-        ring->key = (pm_snapshot_key){system->digest, record.layout, 2 * record.count};
+        ring->size = serializer.count;
+        ring->key = (pm_snapshot_key){system->digest, serializer.layout, 2 * serializer.count};
         ring->state = pm_arena_array(arena, 2 * (size_t)ring->size, sizeof *ring->state);
         PM_TRY_DONE(pm_arena_status(arena, "%s", ring->path));
         ring->state[0] = -1;

@@ -410,8 +410,10 @@ double pm_contact_gap_change(pm_contact_gap *gap, double change) {
     return gap->change;
 }
 
-void pm_contact_gap_record(pm_contact_gap *gap, pm_record *record) {
-    pm_record_put_int(record, "pairs of a gap", &gap->count);
-    pm_record_put(record, "changes of the force", gap->change_e, PM_CONTACT_GAP_PAIRS * gap->n);
-    pm_record_put(record, "changes of the travel", gap->change_y, PM_CONTACT_GAP_PAIRS * gap->n);
+void pm_contact_gap_record(pm_contact_gap *gap, pm_serializer *serializer) {
+    pm_serializer_put_int(serializer, "pairs of a gap", &gap->count);
+    pm_serializer_put(serializer, "changes of the force", gap->change_e,
+                      PM_CONTACT_GAP_PAIRS * gap->n);
+    pm_serializer_put(serializer, "changes of the travel", gap->change_y,
+                      PM_CONTACT_GAP_PAIRS * gap->n);
 }

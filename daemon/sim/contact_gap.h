@@ -26,7 +26,7 @@
 #ifndef PM_SIM_CONTACT_GAP_H
 #define PM_SIM_CONTACT_GAP_H
 
-#include "base/record.h"
+#include "base/serializer.h"
 #include "graph/program.h"
 #include "scene/system.h"
 
@@ -80,7 +80,7 @@ void pm_contact_gap_next(pm_contact_gap *gap, const double *z, const double *rea
 // the state is `change`. Bodies answer in every second round; in between the gap waits.
 double pm_contact_gap_change(pm_contact_gap *gap, double change);
 
-// Puts what the next step needs besides the state into the record.
-void pm_contact_gap_record(pm_contact_gap *gap, pm_record *record);
+// Puts what the next step needs besides the state into the serializer.
+void pm_contact_gap_record(pm_contact_gap *gap, pm_serializer *serializer);
 
 #endif

@@ -257,7 +257,7 @@ struct pm_kind {
     void (*end_substep)(const pm_data *d, const pm_subsystem_group *group);
     // Checks the end of step number `step`.
     pm_status (*check)(const pm_model *m, const pm_subsystem_group *group, long step);
-    void (*serialize)(const pm_subsystem_group *group, pm_record *record);
+    void (*serialize)(const pm_subsystem_group *group, pm_serializer *serializer);
 };
 
 // Returns the kind of a subsystem.

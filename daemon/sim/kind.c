@@ -383,8 +383,8 @@ static pm_status check_solid(const pm_model *m, const pm_subsystem_group *group,
                          m->system->scene->physics.subsystem[group->id[0]].name, step);
 }
 
-static void serialize_solid(const pm_subsystem_group *group, pm_record *record) {
-    pm_solid_dynamics_record(group->object, record);
+static void serialize_solid(const pm_subsystem_group *group, pm_serializer *serializer) {
+    pm_solid_dynamics_record(group->object, serializer);
 }
 
 // --- gap ---
@@ -449,8 +449,8 @@ static void end_substep_gap(const pm_data *d, const pm_subsystem_group *group) {
     pm_contact_gap_begin(group->object, d->z + group->first);
 }
 
-static void serialize_gap(const pm_subsystem_group *group, pm_record *record) {
-    pm_contact_gap_record(group->object, record);
+static void serialize_gap(const pm_subsystem_group *group, pm_serializer *serializer) {
+    pm_contact_gap_record(group->object, serializer);
 }
 
 // --- the table ---

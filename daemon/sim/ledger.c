@@ -151,24 +151,24 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
 
 // --- checkpoint ---
 
-void pm_ledger_record(pm_ledger *l, pm_record *record) {
-    pm_record_put_long(record, "steps", &l->steps);
-    pm_record_put(record, "first energy", &l->first_energy, 1);
-    pm_record_put(record, "energy", &l->energy, 1);
-    pm_record_put(record, "first entropy", &l->first_entropy, 1);
-    pm_record_put(record, "entropy", &l->entropy, 1);
-    pm_record_put(record, "energy drift", &l->energy_drift, 1);
-    pm_record_put(record, "outside energy", &l->outside_energy, 1);
-    pm_record_put(record, "outside entropy", &l->outside_entropy, 1);
-    pm_record_put(record, "worst energy", &l->worst_energy, 1);
-    pm_record_put(record, "worst entropy", &l->worst_entropy, 1);
-    pm_record_put_long(record, "worst energy step", &l->worst_energy_step);
-    pm_record_put_long(record, "worst entropy step", &l->worst_entropy_step);
-    pm_record_put_int(record, "worst energy at", &l->worst_energy_place);
-    pm_record_put_int(record, "worst entropy at", &l->worst_entropy_place);
-    pm_record_put(record, "worst entropy fall", &l->worst_entropy_fall, 1);
-    pm_record_put(record, "worst step", &l->worst_step, 1);
-    pm_record_put_long(record, "worst step at", &l->worst_step_at);
-    pm_record_put_long(record, "unbalanced", &l->unbalanced);
-    pm_record_put_long(record, "violations", &l->violations);
+void pm_ledger_record(pm_ledger *l, pm_serializer *serializer) {
+    pm_serializer_put_long(serializer, "steps", &l->steps);
+    pm_serializer_put(serializer, "first energy", &l->first_energy, 1);
+    pm_serializer_put(serializer, "energy", &l->energy, 1);
+    pm_serializer_put(serializer, "first entropy", &l->first_entropy, 1);
+    pm_serializer_put(serializer, "entropy", &l->entropy, 1);
+    pm_serializer_put(serializer, "energy drift", &l->energy_drift, 1);
+    pm_serializer_put(serializer, "outside energy", &l->outside_energy, 1);
+    pm_serializer_put(serializer, "outside entropy", &l->outside_entropy, 1);
+    pm_serializer_put(serializer, "worst energy", &l->worst_energy, 1);
+    pm_serializer_put(serializer, "worst entropy", &l->worst_entropy, 1);
+    pm_serializer_put_long(serializer, "worst energy step", &l->worst_energy_step);
+    pm_serializer_put_long(serializer, "worst entropy step", &l->worst_entropy_step);
+    pm_serializer_put_int(serializer, "worst energy at", &l->worst_energy_place);
+    pm_serializer_put_int(serializer, "worst entropy at", &l->worst_entropy_place);
+    pm_serializer_put(serializer, "worst entropy fall", &l->worst_entropy_fall, 1);
+    pm_serializer_put(serializer, "worst step", &l->worst_step, 1);
+    pm_serializer_put_long(serializer, "worst step at", &l->worst_step_at);
+    pm_serializer_put_long(serializer, "unbalanced", &l->unbalanced);
+    pm_serializer_put_long(serializer, "violations", &l->violations);
 }

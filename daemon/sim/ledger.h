@@ -23,7 +23,7 @@
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
-#include "base/record.h"
+#include "base/serializer.h"
 #include "scene/recording.h"
 #include "scene/system.h"
 #include "sim/tally.h"
@@ -62,7 +62,7 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 // the step, and the fluxes into boundary inputs.
 pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally);
 
-// Puts into the record all numbers with which the ledger continues after a step.
-void pm_ledger_record(pm_ledger *ledger, pm_record *record);
+// Puts into the serializer all numbers with which the ledger continues after a step.
+void pm_ledger_record(pm_ledger *ledger, pm_serializer *serializer);
 
 #endif

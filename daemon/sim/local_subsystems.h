@@ -22,7 +22,7 @@
 #ifndef PM_SIM_LOCAL_SUBSYSTEMS_H
 #define PM_SIM_LOCAL_SUBSYSTEMS_H
 
-#include "base/record.h"
+#include "base/serializer.h"
 #include "scene/boundary_input.h"
 #include "scene/sample.h"
 #include "scene/system.h"
@@ -103,9 +103,9 @@ void pm_local_subsystems_fill_sample(const pm_local_subsystems *local, int count
 // Adds the last step of all subsystems here, and of the ports between two of them, to the tally.
 void pm_local_subsystems_tally(const pm_local_subsystems *local, pm_tally *tally);
 
-// Counts, saves or restores, as `record` demands (base/record.h), all numbers with which the
+// Counts, saves or restores, as `record` demands (base/serializer.h), all numbers with which the
 // subsystems continue from the end of a step with the same bits. Saving is allowed between two
 // steps, restoring at any time.
-void pm_local_subsystems_record(pm_local_subsystems *local, pm_record *record);
+void pm_local_subsystems_record(pm_local_subsystems *local, pm_serializer *serializer);
 
 #endif

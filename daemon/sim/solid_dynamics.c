@@ -204,9 +204,9 @@ void pm_solid_dynamics_end_substep(pm_solid_dynamics *d) {
     d->solved = false;
 }
 
-void pm_solid_dynamics_record(pm_solid_dynamics *d, pm_record *record) {
+void pm_solid_dynamics_record(pm_solid_dynamics *d, pm_serializer *serializer) {
     const int n = 3 * d->nnode;
-    pm_record_put(record, "mean force", d->mean, n);
-    pm_record_put(record, "end force", d->end, n);
-    pm_solid_record(d->solid, record);
+    pm_serializer_put(serializer, "mean force", d->mean, n);
+    pm_serializer_put(serializer, "end force", d->end, n);
+    pm_solid_record(d->solid, serializer);
 }

@@ -20,7 +20,7 @@
 #ifndef PM_SIM_SOLID_DYNAMICS_H
 #define PM_SIM_SOLID_DYNAMICS_H
 
-#include "base/record.h"
+#include "base/serializer.h"
 #include "model/part.h"
 #include "model/solid/solid.h"
 
@@ -66,7 +66,7 @@ bool pm_solid_dynamics_balance(pm_solid_dynamics *d, double h, const double *z, 
 // Ends a substep: the next call of pm_solid_dynamics_balance starts from d->result.
 void pm_solid_dynamics_end_substep(pm_solid_dynamics *d);
 
-// Puts what the next step needs besides the state into the record.
-void pm_solid_dynamics_record(pm_solid_dynamics *d, pm_record *record);
+// Puts what the next step needs besides the state into the serializer.
+void pm_solid_dynamics_record(pm_solid_dynamics *d, pm_serializer *serializer);
 
 #endif

@@ -472,78 +472,79 @@ void pm_local_subsystems_tally(const pm_local_subsystems *local, pm_tally *tally
 // --- checkpoints ---
 
 // Puts 64 bits each as two whole numbers, which a double holds exactly.
-static void put_changed(pm_data *d, pm_record *record, int64_t lane) {
+static void put_changed(pm_data *d, pm_serializer *serializer, int64_t lane) {
     for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
         uint64_t *bits = &d->changed[i][lane];
         long low = (long)(*bits & UINT32_MAX), high = (long)(*bits >> 32);
-        pm_record_put_long(record, "changed", &low);
-        pm_record_put_long(record, "changed", &high);
+        pm_serializer_put_long(serializer, "changed", &low);
+        pm_serializer_put_long(serializer, "changed", &high);
         *bits = (uint64_t)low | (uint64_t)high << 32;
     }
 }
 
 // A subsystem's co-energies, potentials and rates follow from its state; what is put besides is how
 // it was exposed, its counts, and what its kind keeps.
-static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_record *record) {
+static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_serializer *serializer) {
     const pm_subsystem_group *group = &m->group[m->subsystem_at[id].group];
     const int lane = pm_model_address(m, id).lane;
-    pm_record_put_long(record, "rested", &d->rested[lane]);
-    pm_record_put_long(record, "more exposures", &d->more_exposures[lane]);
-    pm_record_put_long(record, "out of range", &d->out_of_range[lane]);
-    put_changed(d, record, lane);
+    pm_serializer_put_long(serializer, "rested", &d->rested[lane]);
+    pm_serializer_put_long(serializer, "more exposures", &d->more_exposures[lane]);
+    pm_serializer_put_long(serializer, "out of range", &d->out_of_range[lane]);
+    put_changed(d, serializer, lane);
     if (d->projection != NULL) {
-        pm_record_put(record, "projected energy", &d->projection[lane].energy, 1);
-        pm_record_put(record, "projected entropy", &d->projection[lane].entropy, 1);
+        pm_serializer_put(serializer, "projected energy", &d->projection[lane].energy, 1);
+        pm_serializer_put(serializer, "projected entropy", &d->projection[lane].entropy, 1);
         d->safe_projection[lane] = d->projection[lane];
     }
     if (group->kind->serialize != NULL) {
-        group->kind->serialize(group, record);
+        group->kind->serialize(group, serializer);
     }
 }
 
-void pm_local_subsystems_record(pm_local_subsystems *local, pm_record *record) {
+void pm_local_subsystems_record(pm_local_subsystems *local, pm_serializer *serializer) {
     const pm_model *m = &local->model;
     pm_data *d = &local->data;
     const int nghost = (int)(m->size - m->own_size);
-    if (pm_record_restores(record)) {
+    if (pm_serializer_restores(serializer)) {
         d->z = d->state[0];
     }
     for (int i = 0; i < m->count; ++i) {
         const pm_address at = pm_model_address(m, m->id[i]);
         const int nz = m->system->scene->physics.subsystem[m->id[i]].layout.nz;
         for (int c = 0; c < nz; ++c) {
-            pm_record_put(record, "z", &d->z[at.first + c * at.step], 1);
+            pm_serializer_put(serializer, "z", &d->z[at.first + c * at.step], 1);
         }
     }
-    if (pm_record_restores(record)) {
+    if (pm_serializer_restores(serializer)) {
         start(m, d); // the numbers below replace what it counts
     }
-    pm_record_put_long(record, "step", &d->step);
-    pm_record_put_long(record, "exposures", &d->exposure_calls);
-    pm_record_put_long(record, "bulk terms", &d->bulk_calls);
-    pm_record_put_long(record, "laws", &d->port_calls);
+    pm_serializer_put_long(serializer, "step", &d->step);
+    pm_serializer_put_long(serializer, "exposures", &d->exposure_calls);
+    pm_serializer_put_long(serializer, "bulk terms", &d->bulk_calls);
+    pm_serializer_put_long(serializer, "laws", &d->port_calls);
     for (int i = 0; i < m->count; ++i) {
-        put_subsystem(m, d, m->id[i], record);
+        put_subsystem(m, d, m->id[i], serializer);
     }
     for (int i = 0; i < m->nport_group; ++i) {
         const pm_port_group *group = &m->port_group[i];
         for (int lane = 0; lane < group->count; ++lane) {
-            pm_record_put_long(record, "rested", &d->port_rested[group->first_lane + lane]);
+            pm_serializer_put_long(serializer, "rested", &d->port_rested[group->first_lane + lane]);
         }
         if (group->last != NULL) {
-            pm_record_put(record, "irreversible rates", group->last, group->nboth);
+            pm_serializer_put(serializer, "irreversible rates", group->last, group->nboth);
         }
     }
-    pm_record_put(record, "ghost z", d->ghost_z, nghost);
+    pm_serializer_put(serializer, "ghost z", d->ghost_z, nghost);
     for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT; ++i) {
-        pm_record_put(record, "ghost", d->shown[i] == NULL ? NULL : d->shown[i] + m->own_size,
-                      d->shown[i] == NULL ? 0 : nghost);
+        pm_serializer_put(serializer, "ghost",
+                          d->shown[i] == NULL ? NULL : d->shown[i] + m->own_size,
+                          d->shown[i] == NULL ? 0 : nghost);
     }
     for (int64_t lane = m->own_lanes; lane < m->lanes; ++lane) {
-        put_changed(d, record, lane);
+        put_changed(d, serializer, lane);
     }
     for (int i = 0; i < m->nremote; ++i) {
-        pm_record_put(record, "energy flux", &d->remote_flux[i].energy, 1);
-        pm_record_put(record, "entropy flux", &d->remote_flux[i].entropy, 1);
+        pm_serializer_put(serializer, "energy flux", &d->remote_flux[i].energy, 1);
+        pm_serializer_put(serializer, "entropy flux", &d->remote_flux[i].entropy, 1);
     }
 }

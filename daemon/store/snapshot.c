@@ -1,5 +1,5 @@
 // Snapshots by plain system calls: the numbers are written under another name and renamed.
-// Checkpoints put their fields into a record one after another.
+// Checkpoints put their fields into a serializer one after another.
 #include "store/snapshot.h"
 
 #include <errno.h>
@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "base/digest.h"
-#include "base/record.h"
+#include "base/serializer.h"
 
 #define MAGIC "portmet snapshot 2\n"
 
@@ -188,22 +188,22 @@ done:
 
 // --- checkpoints ---
 
-static void put_fields(pm_record *record, int nfield, const pm_checkpoint_field *field) {
+static void put_fields(pm_serializer *serializer, int nfield, const pm_checkpoint_field *field) {
     for (int i = 0; i < nfield; ++i) {
-        pm_record_put(record, field[i].name, field[i].value, field[i].count);
+        pm_serializer_put(serializer, field[i].name, field[i].value, field[i].count);
     }
 }
 
 // Counts the numbers and allocates them; the caller frees. PM_ENOMEM.
 static pm_status prepare(const char *path, const char *kind, uint64_t digest, int nfield,
                          const pm_checkpoint_field *field, pm_snapshot_key *key, double **number) {
-    pm_record record = pm_record_count(kind);
-    put_fields(&record, nfield, field);
-    *key = (pm_snapshot_key){digest, record.layout, record.count};
-    *number = malloc(((size_t)record.count + 1) * sizeof **number);
+    pm_serializer serializer = pm_serializer_count(kind);
+    put_fields(&serializer, nfield, field);
+    *key = (pm_snapshot_key){digest, serializer.layout, serializer.count};
+    *number = malloc(((size_t)serializer.count + 1) * sizeof **number);
     return *number != NULL
                ? PM_OK
-               : pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, record.count);
+               : pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, serializer.count);
 }
 
 pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest, int nfield,
@@ -211,8 +211,8 @@ pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest
     pm_snapshot_key key;
     double *number;
     PM_TRY(prepare(path, kind, digest, nfield, field, &key, &number));
-    pm_record record = pm_record_save(kind, number);
-    put_fields(&record, nfield, field);
+    pm_serializer serializer = pm_serializer_save(kind, number);
+    put_fields(&serializer, nfield, field);
     const pm_status status = save(path, &key, 0, number, true);
     free(number);
     return status;
@@ -230,8 +230,8 @@ pm_status pm_checkpoint_load(const char *path, const char *kind, uint64_t digest
         status = pm_fail(PM_EFILE, "%s: there is no checkpoint to go on from", path);
     }
     if (status == PM_OK) {
-        pm_record record = pm_record_restore(kind, number);
-        put_fields(&record, nfield, field);
+        pm_serializer serializer = pm_serializer_restore(kind, number);
+        put_fields(&serializer, nfield, field);
     }
     free(number);
     return status;

@@ -14,7 +14,7 @@
 // refused.
 typedef struct pm_snapshot_key {
     uint64_t digest; // of the inputs: scene, weights and initial state, or a training and its data
-    uint64_t layout; // of the names and counts of the numbers (pm_record)
+    uint64_t layout; // of the names and counts of the numbers (pm_serializer)
     int count;       // of the numbers
 } pm_snapshot_key;
 

@@ -120,7 +120,7 @@ static void an_elastic_body_heats_little(void **state) {
     close_body(&b);
 }
 
-// The stiffness may belong to an earlier state, which the record keeps.
+// The stiffness may belong to an earlier state, which the serializer keeps.
 static void a_restored_solid_goes_on_with_the_same_bits(void **state) {
     (void)state;
     body b, other;
@@ -134,11 +134,12 @@ static void a_restored_solid_goes_on_with_the_same_bits(void **state) {
     for (int k = 0; k < 5; ++k) {
         step(&b, 0.2, force[k], force[k + 1]);
     }
-    pm_record count = pm_record_count("solid");
+    pm_serializer count = pm_serializer_count("solid");
     pm_solid_dynamics_record(&b.dynamics, &count);
     double *kept = calloc((size_t)count.count, sizeof *kept);
     assert_non_null(kept);
-    pm_record save = pm_record_save("solid", kept), restore = pm_record_restore("solid", kept);
+    pm_serializer save = pm_serializer_save("solid", kept),
+                  restore = pm_serializer_restore("solid", kept);
     pm_solid_dynamics_record(&b.dynamics, &save);
     memcpy(other.z, b.z, sizeof b.z);
     pm_solid_dynamics_start(&other.dynamics, other.z);

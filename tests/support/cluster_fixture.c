@@ -43,9 +43,9 @@ static pm_status compare(void *context, const pm_sample *sample) {
 }
 
 // Remembers how far the plain loop had come when the coordinator wrote its checkpoint.
-static void put_steps(void *context, pm_record *record) {
+static void put_steps(void *context, pm_serializer *serializer) {
     cluster *c = context;
-    pm_record_put_long(record, "steps seen", &c->steps_seen);
+    pm_serializer_put_long(serializer, "steps seen", &c->steps_seen);
 }
 
 static pm_status resume(void *context, long step) {

@@ -126,12 +126,12 @@ void divided_return(divided *to, const divided *from) {
     }
     open_processes(to);
     for (int p = 0; p < from->count; ++p) {
-        pm_record count = pm_record_count("process");
+        pm_serializer count = pm_serializer_count("process");
         pm_local_subsystems_record(from->local[p], &count);
         double *memory = calloc((size_t)count.count + 1, sizeof *memory);
         assert_non_null(memory);
-        pm_record save = pm_record_save("process", memory);
-        pm_record restore = pm_record_restore("process", memory);
+        pm_serializer save = pm_serializer_save("process", memory);
+        pm_serializer restore = pm_serializer_restore("process", memory);
         pm_local_subsystems_record(from->local[p], &save);
         pm_local_subsystems_record(to->local[p], &restore);
         assert_int_equal(restore.count, count.count);

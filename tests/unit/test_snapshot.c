@@ -10,7 +10,7 @@
 // cmocka needs the above.
 #include <cmocka.h>
 
-#include "base/record.h"
+#include "base/serializer.h"
 #include "store/snapshot.h"
 #include "tests/support/scratch.h"
 
@@ -124,13 +124,13 @@ static void records_give_back_what_they_took(void **state) {
     long step = 1L << 40;
     int count = -3;
     for (int pass = 0; pass < 3; ++pass) {
-        pm_record record = pass == 0   ? pm_record_count("test")
-                           : pass == 1 ? pm_record_save("test", number)
-                                       : pm_record_restore("test", number);
-        pm_record_put(&record, "z", z, 2);
-        pm_record_put_long(&record, "step", &step);
-        pm_record_put_int(&record, "count", &count);
-        assert_int_equal(record.count, 4);
+        pm_serializer serializer = pass == 0   ? pm_serializer_count("test")
+                                   : pass == 1 ? pm_serializer_save("test", number)
+                                               : pm_serializer_restore("test", number);
+        pm_serializer_put(&serializer, "z", z, 2);
+        pm_serializer_put_long(&serializer, "step", &step);
+        pm_serializer_put_int(&serializer, "count", &count);
+        assert_int_equal(serializer.count, 4);
         if (pass == 1) {
             z[0] = z[1] = 0;
             step = count = 0;
@@ -141,9 +141,9 @@ static void records_give_back_what_they_took(void **state) {
 
 static uint64_t layout_of(const char *kind, const char *name, int count) {
     double value[2] = {0};
-    pm_record record = pm_record_count(kind);
-    pm_record_put(&record, name, value, count);
-    return record.layout;
+    pm_serializer serializer = pm_serializer_count(kind);
+    pm_serializer_put(&serializer, name, value, count);
+    return serializer.layout;
 }
 
 static void layouts_differ_by_kind_name_and_count(void **state) {

@@ -247,19 +247,19 @@ bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner) {
     return true;
 }
 
-void pm_solid_record(pm_solid *s, pm_record *record) {
+void pm_solid_record(pm_solid *s, pm_serializer *serializer) {
     double step = isnan(s->stiff_for) ? 0 : s->stiff_for;
-    pm_record_put(record, "step of the stiffness", &step, 1);
-    pm_record_put_int(record, "iterations", &s->books.iterations);
-    pm_record_put_int(record, "past displacements", &s->npast);
-    pm_record_put(record, "step between them", &s->past_for, 1);
-    pm_record_put(record, "past", s->past, PM_SOLID_PAST * 3 * s->mesh->nnode);
-    pm_record_put_int(record, "pairs", &s->npair);
-    pm_record_put(record, "moves of the pairs", s->pair_u, PM_SOLID_PAIRS * s->nfree);
-    pm_record_put(record, "forces of the pairs", s->pair_f, PM_SOLID_PAIRS * s->nfree);
-    pm_record_put(record, "u of the stiffness", s->stiff_u, 3 * s->mesh->nnode);
-    pm_record_put(record, "inner of the stiffness", s->stiff_inner, s->ninner);
-    if (pm_record_restores(record)) {
+    pm_serializer_put(serializer, "step of the stiffness", &step, 1);
+    pm_serializer_put_int(serializer, "iterations", &s->books.iterations);
+    pm_serializer_put_int(serializer, "past displacements", &s->npast);
+    pm_serializer_put(serializer, "step between them", &s->past_for, 1);
+    pm_serializer_put(serializer, "past", s->past, PM_SOLID_PAST * 3 * s->mesh->nnode);
+    pm_serializer_put_int(serializer, "pairs", &s->npair);
+    pm_serializer_put(serializer, "moves of the pairs", s->pair_u, PM_SOLID_PAIRS * s->nfree);
+    pm_serializer_put(serializer, "forces of the pairs", s->pair_f, PM_SOLID_PAIRS * s->nfree);
+    pm_serializer_put(serializer, "u of the stiffness", s->stiff_u, 3 * s->mesh->nnode);
+    pm_serializer_put(serializer, "inner of the stiffness", s->stiff_inner, s->ninner);
+    if (pm_serializer_restores(serializer)) {
         s->stiff_for = step == 0 ? NAN : step;
         if (step != 0) {
             // Factorise the stiffness again in the state to which it belongs.

@@ -16,7 +16,7 @@
 #define PM_MODEL_SOLID_SOLID_H
 
 #include "base/arena.h"
-#include "base/record.h"
+#include "base/serializer.h"
 #include "model/solid/brick.h"
 #include "model/solid/material.h"
 
@@ -49,7 +49,7 @@ bool pm_solid_set_state(pm_solid *s, const double *u, const double *inner);
 bool pm_solid_return(pm_solid *s, const double *u, const double *inner);
 // Puts what the next step needs besides the state into the record: the state in which the stiffness
 // was factorised. Restoring factorises it again.
-void pm_solid_record(pm_solid *s, pm_record *record);
+void pm_solid_record(pm_solid *s, pm_serializer *serializer);
 
 // Takes a step of h s to balance with the forces f [nnode][3], N. Forces on clamped nodes have no
 // effect. A step in which no balance is found is taken in two halves, the first one to balance with
