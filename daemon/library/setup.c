@@ -25,6 +25,17 @@ static const pm_scene_subsystem *needs_reference(const pm_scene *scene) {
     return NULL;
 }
 
+static pm_status check_trajectory(const pm_setup *setup, const pm_dataset *dataset) {
+    const pm_scene *scene = setup->scene;
+    if (scene->run.reference_trajectory >= 0 &&
+        scene->run.reference_trajectory < dataset->ntrajectory) {
+        return PM_OK;
+    }
+    return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
+                   scene->run.reference_trajectory_at, scene->run.reference_trajectory,
+                   scene->run.reference, dataset->ntrajectory);
+}
+
 static pm_status load_reference(pm_setup *setup) {
     const pm_scene *scene = setup->scene;
     const pm_status status = pm_dataset_load(&setup->reference, scene->run.reference);
@@ -33,12 +44,7 @@ static pm_status load_reference(pm_setup *setup) {
     }
     const pm_dataset *reference = setup->reference;
     PM_TRY(pm_system_check_dataset(setup->system, reference, scene->run.reference));
-    if (scene->run.reference_trajectory < 0 ||
-        scene->run.reference_trajectory >= reference->ntrajectory) {
-        return pm_fail(PM_ECONFIG, "%s: trajectory %d of the reference: %s holds %d, from 0",
-                       scene->run.reference_trajectory_at, scene->run.reference_trajectory,
-                       scene->run.reference, reference->ntrajectory);
-    }
+    PM_TRY(check_trajectory(setup, reference));
     PM_TRY(pm_columns_bind(&setup->columns, scene, reference, &setup->arena));
     const double stride = round(reference->dt / scene->physics.dt);
     if (stride < 1 ||
@@ -49,6 +55,23 @@ static pm_status load_reference(pm_setup *setup) {
     }
     setup->stride = (int)stride;
     return PM_OK;
+}
+
+// Reads what boundary inputs follow from the measurements in whose beginning a start is estimated.
+static pm_status follow_measurements(pm_setup *setup) {
+    const pm_scene *scene = setup->scene;
+    pm_dataset *data = NULL;
+    pm_status status = pm_dataset_load_measured(&data, scene->run.reference, "z");
+    if (status != PM_OK) {
+        return pm_fail(status, "%s: %s", scene->run.reference_at, pm_error());
+    }
+    PM_TRY_DONE(check_trajectory(setup, data));
+    PM_TRY_DONE(pm_boundary_input_bind(&setup->boundary_input, scene, data,
+                                       pm_boundary_input_stride(scene, data), &setup->arena));
+    pm_boundary_input_follow(&setup->boundary_input, data, scene->run.reference_trajectory);
+done:
+    pm_dataset_free(data);
+    return status;
 }
 
 // Estimates the state in which the measurements of the reference begin. This is the one place where
@@ -165,8 +188,13 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
     if (states && (follows || purpose != PM_TO_SERVE)) {
         PM_TRY(load_reference(setup));
     }
-    PM_TRY(pm_boundary_input_bind(&setup->boundary_input, scene, setup->reference, setup->stride,
-                                  &setup->arena));
+    const bool estimates = scene->run.reference != NULL && !states;
+    if (estimates && scene->physics.nboundary_input > 0) {
+        PM_TRY(follow_measurements(setup));
+    } else {
+        PM_TRY(pm_boundary_input_bind(&setup->boundary_input, scene, setup->reference,
+                                      setup->stride, &setup->arena));
+    }
     if (setup->reference != NULL) {
         pm_boundary_input_follow(&setup->boundary_input, setup->reference,
                                  scene->run.reference_trajectory);

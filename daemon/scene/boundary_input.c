@@ -8,6 +8,22 @@
 #include "base/digest.h"
 #include "store/names.h"
 
+#define EQUAL 1e-6          // of dt, by which two times that count as equal may differ
+#define TIME_TOLERANCE 1e-3 // of the distance of two samples, as in a dataset
+#define FEWER 4             // samples of a polynomial where times are uneven or samples are missing
+
+// Whether the times of a trajectory are dt of the dataset apart.
+static bool is_even(const pm_dataset *d, int trajectory) {
+    const double first = pm_dataset_time(d, trajectory, 0);
+    const int length = pm_dataset_length(d, trajectory);
+    int j = 0;
+    while (j < length &&
+           fabs(pm_dataset_time(d, trajectory, j) - first - j * d->dt) <= TIME_TOLERANCE * d->dt) {
+        ++j;
+    }
+    return j == length;
+}
+
 // Finds the dataset column of each prescribed value, or one of the numbers in its place; a live
 // value without a column counts as a constant. `any` tells whether a value follows a column or the
 // time.
@@ -45,6 +61,7 @@ static pm_status find_columns(pm_boundary_input *boundary_input, const pm_datase
             }
             boundary_input->live_id[owner->first + k] = live_id;
             boundary_input->column[owner->first + k] = column;
+            boundary_input->hold[owner->first + k] = value->hold;
             *any = *any || column != PM_BOUNDARY_INPUT_CONSTANT;
         }
     }
@@ -61,83 +78,269 @@ static void take_numbers(const pm_boundary_input *boundary_input) {
     }
 }
 
+// Checks that every column has a sample in every trajectory.
+static pm_status check_samples(const pm_boundary_input *b, const pm_dataset *d) {
+    for (int i = 0; i < b->n && d->measured; ++i) {
+        for (int k = 0; k < d->ntrajectory && b->column[i] >= 0; ++k) {
+            int j = 0;
+            while (j < d->ntime && isnan(pm_dataset_state(d, k, j)[b->column[i]])) {
+                ++j;
+            }
+            if (j == d->ntime) {
+                return pm_fail(PM_EDATA,
+                               "%s: boundary inputs follow the column \"%s\", which has no sample "
+                               "in trajectory %d",
+                               b->scene->path, d->column[b->column[i]], k);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// The number of whole steps of the scene in trajectory i.
+static long steps_of(const pm_boundary_input *b, const pm_dataset *d, int i) {
+    const int length = pm_dataset_length(d, i);
+    const double seconds = pm_dataset_time(d, i, length - 1) - pm_dataset_time(d, i, 0);
+    return (long)floor(seconds / b->scene->physics.dt * (1 + 1e-9) + EQUAL);
+}
+
+int pm_boundary_input_stride(const pm_scene *scene, const pm_dataset *dataset) {
+    const double ratio = dataset->dt / scene->physics.dt, whole = round(ratio);
+    bool even = whole >= 1 && whole < 1e6 && fabs(ratio - whole) <= 1e-9 * whole;
+    for (int i = 0; i < dataset->ntrajectory && dataset->times != NULL && even; ++i) {
+        even = is_even(dataset, i);
+    }
+    return even ? (int)whole : 0;
+}
+
 pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_scene *scene,
                                  const pm_dataset *dataset, int stride, pm_arena *arena) {
     const size_t n = (size_t)scene->physics.nprescribed;
-    *boundary_input = (pm_boundary_input){
-        .n = scene->physics.nprescribed, .stride = 1, .end = LONG_MAX, .scene = scene};
-    boundary_input->column = pm_arena_array(arena, n, sizeof *boundary_input->column);
-    boundary_input->value = pm_arena_array(arena, n, sizeof *boundary_input->value);
-    boundary_input->live_id = pm_arena_array(arena, n, sizeof *boundary_input->live_id);
+    pm_boundary_input *b = boundary_input;
+    *b = (pm_boundary_input){.n = scene->physics.nprescribed,
+                             .stride = 1,
+                             .end = LONG_MAX,
+                             .scene = scene,
+                             .even = true,
+                             .unit = 1};
+    b->column = pm_arena_array(arena, n, sizeof *b->column);
+    b->hold = pm_arena_array(arena, n, sizeof *b->hold);
+    b->value = pm_arena_array(arena, n, sizeof *b->value);
+    b->live_id = pm_arena_array(arena, n, sizeof *b->live_id);
+    b->samples = pm_arena_array(arena, n, sizeof *b->samples);
     PM_TRY(pm_arena_status(arena, "boundary inputs"));
     bool follows;
-    PM_TRY(find_columns(boundary_input, dataset, arena, &follows));
-    size_t intervals = 1;
+    PM_TRY(find_columns(b, dataset, arena, &follows));
+    long intervals = 1;
     if (follows) {
         if (dataset->ntime < 2) {
             return pm_fail(PM_EDATA, "%s: a boundary input cannot follow a trajectory of one state",
                            scene->path);
         }
-        intervals = (size_t)dataset->ntime - 1;
-        boundary_input->stride = stride;
-        boundary_input->end = (long)intervals * stride;
+        PM_TRY(check_samples(b, dataset));
+        intervals = dataset->ntime - 1;
+        for (int i = 0; i < dataset->ntrajectory && stride == 0; ++i) {
+            const long steps = steps_of(b, dataset, i);
+            intervals = i == 0 || steps > intervals ? steps : intervals;
+        }
+        intervals = intervals < 1 ? 1 : intervals;
+        b->by_step = stride == 0;
+        b->stride = b->by_step ? 1 : stride;
+        b->end = intervals * b->stride;
+        for (size_t i = 0; i < n; ++i) {
+            const bool constant = b->column[i] == PM_BOUNDARY_INPUT_CONSTANT;
+            const size_t most = constant ? 0 : (size_t)dataset->ntime;
+            b->samples[i].at = pm_arena_array(arena, most, sizeof *b->samples[i].at);
+            b->samples[i].value = pm_arena_array(arena, most, sizeof *b->samples[i].value);
+        }
     }
-    boundary_input->coefficient = pm_arena_array(arena, intervals * PM_BOUNDARY_INPUT_ORDER * n,
-                                                 sizeof *boundary_input->coefficient);
+    b->coefficient = pm_arena_array(arena, (size_t)intervals * PM_BOUNDARY_INPUT_ORDER * n,
+                                    sizeof *b->coefficient);
     PM_TRY(pm_arena_status(arena, "boundary inputs"));
-    take_numbers(boundary_input);
-    memcpy(boundary_input->coefficient, boundary_input->value, n * sizeof *boundary_input->value);
+    take_numbers(b);
+    memcpy(b->coefficient, b->value, n * sizeof *b->value);
     return PM_OK;
+}
+
+// --- samples ---
+
+// Collects the samples of all columns along a trajectory, and finds what positions are.
+static void collect(pm_boundary_input *b, const pm_dataset *d, int trajectory, int length) {
+    b->even = d->times == NULL || is_even(d, trajectory);
+    b->unit = b->even ? d->dt : 1;
+    b->origin = pm_dataset_time(d, trajectory, 0);
+    for (int i = 0; i < b->n; ++i) {
+        pm_boundary_samples *s = &b->samples[i];
+        s->count = 0;
+        for (int j = 0; j < length && b->column[i] != PM_BOUNDARY_INPUT_CONSTANT; ++j) {
+            const double time = pm_dataset_time(d, trajectory, j) - b->origin;
+            const double value = b->column[i] == PM_BOUNDARY_INPUT_TIME
+                                     ? time
+                                     : pm_dataset_state(d, trajectory, j)[b->column[i]];
+            if (!isnan(value)) {
+                s->at[s->count] = b->even ? j : time;
+                s->value[s->count++] = value;
+            }
+        }
+    }
+}
+
+// Returns the last sample at or before a position, or the first sample.
+static int sample_before(const pm_boundary_input *b, const pm_boundary_samples *s, double at) {
+    const double equal = EQUAL * b->scene->physics.dt / b->unit;
+    int low = 0, high = s->count;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        *(s->at[middle] <= at + equal ? &low : &high) = middle;
+    }
+    return low;
+}
+
+double pm_boundary_input_position(const pm_boundary_input *b, double time) {
+    const double at = (time - b->origin) / b->unit, whole = round(at);
+    return b->even && fabs(at - whole) <= TIME_TOLERANCE ? whole : at;
+}
+
+double pm_boundary_input_jump(const pm_boundary_input *b, double from, double end) {
+    const double equal = EQUAL * b->scene->physics.dt / b->unit;
+    double first = end;
+    for (int i = 0; i < b->n; ++i) {
+        const pm_boundary_samples *s = &b->samples[i];
+        if (b->column[i] < 0 || b->hold[i] != PM_HOLD_PREVIOUS) {
+            continue;
+        }
+        for (int k = sample_before(b, s, from) + 1; k < s->count && s->at[k] < first - equal; ++k) {
+            if (s->at[k] > from + equal && s->value[k] != s->value[k - 1]) {
+                first = s->at[k];
+            }
+        }
+    }
+    return first;
 }
 
 // --- polynomials ---
 
-// Computes, in powers of x, the polynomial through d[i] at x = i - origin for i < n, where
+// Computes, in powers of x, the polynomial through d[i] at x[i] for i < n, where
 // n <= PM_BOUNDARY_INPUT_ORDER. Overwrites d with the divided differences.
-static void interpolate(int n, int origin, double *d, double power[PM_BOUNDARY_INPUT_ORDER]) {
+static void interpolate(int n, const double *x, double *d, double *power) {
     for (int level = 1; level < n; ++level) {
         for (int i = n - 1; i >= level; --i) {
-            d[i] = (d[i] - d[i - 1]) / level;
+            d[i] = (d[i] - d[i - 1]) / (x[i] - x[i - level]);
         }
     }
     // Evaluates Newton's form from the inside out: power = power * (x - x_i) + d_i.
-    memset(power, 0, PM_BOUNDARY_INPUT_ORDER * sizeof *power);
     for (int i = n - 1; i >= 0; --i) {
         for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k > 0; --k) {
-            power[k] = power[k - 1] - (i - origin) * power[k];
+            power[k] = power[k - 1] - x[i] * power[k];
         }
-        power[0] = d[i] - (i - origin) * power[0];
+        power[0] = d[i] - x[i] * power[0];
     }
+}
+
+// The polynomial through the nearest samples, as many before as after the interval where there are
+// enough. Samples that are denser than the interval is long are thinned to its length.
+static void smooth_over(const pm_boundary_samples *s, bool whole, int before, double from,
+                        double end, double *power) {
+    const int most = whole ? PM_BOUNDARY_INPUT_ORDER : FEWER, last = s->count - 1;
+    const int next = before < last ? before + 1 : last;
+    const double gap = next > 0 ? s->at[next] - s->at[next - 1] : 1;
+    const int every = last == 0 ? 1 : (int)fmin(fmax(1, round((end - from) / gap)), last);
+    const int n = last / every + 1 < most ? last / every + 1 : most;
+    int first = before - (n / 2 - 1) * every;
+    first = first > last - (n - 1) * every ? last - (n - 1) * every : first;
+    first = first < 0 ? 0 : first;
+    double x[PM_BOUNDARY_INPUT_ORDER], d[PM_BOUNDARY_INPUT_ORDER];
+    for (int k = 0; k < n; ++k) {
+        x[k] = (s->at[first + k * every] - from) / (end - from);
+        d[k] = s->value[first + k * every];
+    }
+    interpolate(n, x, d, power);
+}
+
+// The value on the straight lines between samples; before the first and after the last it stays.
+static double linear_at(const pm_boundary_samples *s, int before, double at) {
+    if (before + 1 >= s->count || at <= s->at[before]) {
+        return s->value[before];
+    }
+    const double part = (at - s->at[before]) / (s->at[before + 1] - s->at[before]);
+    return s->value[before] + part * (s->value[before + 1] - s->value[before]);
+}
+
+// The mean of what is held between two positions. A sample that is `equal` to the end lies behind
+// it.
+static double mean_over(const pm_boundary_samples *s, int before, double from, double end,
+                        double equal) {
+    const double first = s->value[before];
+    double sum = 0;
+    for (int k = before; k < s->count && (k == before || s->at[k] < end - equal); ++k) {
+        const double next = k + 1 < s->count ? fmin(s->at[k + 1], end) : end;
+        sum += (s->value[k] - first) * (next - fmax(s->at[k], from));
+    }
+    return first + sum / (end - from);
+}
+
+// Writes the polynomial of one value between two positions. With `mean`, what is held is the mean
+// between them.
+static void value_over(const pm_boundary_input *b, int i, double from, double end, bool mean,
+                       double power[PM_BOUNDARY_INPUT_ORDER]) {
+    const pm_boundary_samples *s = &b->samples[i];
+    const pm_hold hold = b->column[i] >= 0 ? b->hold[i] : PM_HOLD_SMOOTH;
+    const int before = s->count > 0 ? sample_before(b, s, from) : 0;
+    memset(power, 0, PM_BOUNDARY_INPUT_ORDER * sizeof *power);
+    if (s->count == 0) {
+        power[0] = b->value[i];
+    } else if (hold == PM_HOLD_LINEAR) {
+        power[0] = linear_at(s, before, from);
+        power[1] = linear_at(s, sample_before(b, s, end), end) - power[0];
+    } else if (hold == PM_HOLD_PREVIOUS) {
+        const double equal = EQUAL * b->scene->physics.dt / b->unit;
+        power[0] = mean ? mean_over(s, before, from, end, equal) : s->value[before];
+    } else {
+        smooth_over(s, b->even && s->count == b->length, before, from, end, power);
+    }
+}
+
+// Writes the polynomials of all values.
+static void write_over(const pm_boundary_input *b, double from, double end, bool mean,
+                       double *coefficient) {
+    for (int i = 0; i < b->n; ++i) {
+        double power[PM_BOUNDARY_INPUT_ORDER];
+        value_over(b, i, from, end, mean, power);
+        for (int k = 0; k < PM_BOUNDARY_INPUT_ORDER; ++k) {
+            coefficient[(ptrdiff_t)k * b->n + i] = power[k];
+        }
+    }
+}
+
+double pm_boundary_input_of(const pm_boundary_input *b, int i, double time) {
+    double power[PM_BOUNDARY_INPUT_ORDER];
+    const double at = pm_boundary_input_position(b, time);
+    value_over(b, i, at, at + b->scene->physics.dt / b->unit, false, power);
+    return power[0];
+}
+
+void pm_boundary_input_over(const pm_boundary_input *boundary_input, double from, double end,
+                            double *coefficient) {
+    write_over(boundary_input, from, end, false, coefficient);
 }
 
 void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_dataset *dataset,
                               int trajectory) {
-    const int ntime = boundary_input->end == LONG_MAX ? 1 : dataset->ntime;
-    const int n = ntime < PM_BOUNDARY_INPUT_ORDER ? ntime : PM_BOUNDARY_INPUT_ORDER;
-    take_numbers(boundary_input);
-    for (int j = 0; j < ntime - 1; ++j) {
-        // Take the nearest states, as many before as after the interval where there are enough.
-        int first = j + 1 - n / 2;
-        first = first > ntime - n ? ntime - n : first;
-        first = first < 0 ? 0 : first;
-        double *to = boundary_input->coefficient +
-                     (ptrdiff_t)j * PM_BOUNDARY_INPUT_ORDER * boundary_input->n;
-        for (int i = 0; i < boundary_input->n; ++i) {
-            double state[PM_BOUNDARY_INPUT_ORDER],
-                power[PM_BOUNDARY_INPUT_ORDER] = {boundary_input->value[i]};
-            const int column = boundary_input->column[i];
-            if (column != PM_BOUNDARY_INPUT_CONSTANT) {
-                for (int k = 0; k < n; ++k) {
-                    state[k] = column == PM_BOUNDARY_INPUT_TIME
-                                   ? dataset->t[first + k] - dataset->t[0]
-                                   : pm_dataset_state(dataset, trajectory, first + k)[column];
-                }
-                interpolate(n, j - first, state, power);
-            }
-            for (int k = 0; k < PM_BOUNDARY_INPUT_ORDER; ++k) {
-                to[(ptrdiff_t)k * boundary_input->n + i] = power[k];
-            }
-        }
+    pm_boundary_input *b = boundary_input;
+    const ptrdiff_t width = (ptrdiff_t)PM_BOUNDARY_INPUT_ORDER * b->n;
+    take_numbers(b);
+    if (b->end == LONG_MAX) {
+        memcpy(b->coefficient, b->value, (size_t)b->n * sizeof *b->value);
+        return;
+    }
+    b->length = pm_dataset_length(dataset, trajectory);
+    collect(b, dataset, trajectory, b->length);
+    const long intervals = b->by_step ? steps_of(b, dataset, trajectory) : b->length - 1;
+    const double step = b->by_step ? b->scene->physics.dt / b->unit : 1;
+    b->end = intervals * b->stride;
+    for (long j = 0; j < intervals; ++j) {
+        write_over(b, (double)j * step, (double)(j + 1) * step, b->by_step,
+                   b->coefficient + j * width);
     }
 }
 

@@ -49,11 +49,19 @@ typedef struct pm_scene_process {
     int *subsystem; // [count] positions in the scene, ascending
 } pm_scene_process;
 
+// What a column of a boundary input is between its samples (boundary_input.h): a polynomial through
+// the nearest samples, the last sample, or a straight line from one sample to the next.
+typedef enum pm_hold { PM_HOLD_SMOOTH, PM_HOLD_PREVIOUS, PM_HOLD_LINEAR } pm_hold;
+
 // One prescribed number: a constant, or a column of the dataset that a run follows.
 typedef struct pm_scene_prescribed {
     double number;
     const char *column, *at; // column NULL: the value is `number`
+    pm_hold hold;            // of the column
 } pm_scene_prescribed;
+
+// The names of the values of pm_hold, which the scene's key `hold` takes, and a NULL.
+extern const char *const pm_hold_names[];
 
 // A boundary input prescribes, over time (boundary_input.h), the state and co-energies that the
 // outside shows at its end of a port.

@@ -629,12 +629,15 @@ static pm_status read_subsystems(pm_scene_reader *r) {
 
 // --- boundary inputs ---
 
+const char *const pm_hold_names[] = {"smooth", "previous", "linear", NULL};
+
 enum { VALUE, DE, DS, NLIST }; // in the order of pm_scene_boundary_input.value
 
 // The lists of one group: columns and numbers, [size of the group] each. NULL: all are the number
 // 0.
 typedef struct group_lists {
     pm_scene_named *list[NLIST];
+    int hold; // pm_hold
 } group_lists;
 
 static pm_status read_prescribed_group(pm_scene_reader *r, pm_scene_boundary_input *input,
@@ -646,6 +649,7 @@ static pm_status read_prescribed_group(pm_scene_reader *r, pm_scene_boundary_inp
                                 {PM_YAML_VALUE("dE", &list[DE]), .required = true},
                                 {PM_YAML_VALUE("dS", &list[DS])},
                                 {PM_YAML_VALUE("value", &list[VALUE])},
+                                {PM_YAML_CHOICE("hold", &read->hold, pm_hold_names)},
                                 {0}};
     PM_TRY(pm_scene_read_name(r, key, &name));
     PM_TRY(pm_yaml_read(block, r->arena, keys));
@@ -698,6 +702,7 @@ static pm_status read_boundary_input(pm_scene_reader *r, pm_scene_boundary_input
                             : pm_yaml_where(list[k].at, r->arena);
             if (strchr("+-.0123456789", list[k].text[0]) == NULL) { // no number
                 own[k].column = list[k].text;
+                own[k].hold = (pm_hold)written[i / NLIST].hold;
             } else {
                 PM_TRY(pm_yaml_double(list[k].at, -INFINITY, INFINITY, &own[k].number));
             }

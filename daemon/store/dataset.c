@@ -180,12 +180,28 @@ pm_status pm_times_check(const char *path, int ntime, const double *t, double dt
     return PM_OK;
 }
 
+int pm_dataset_length(const pm_dataset *d, int i) {
+    int length = d->ntime;
+    for (bool over = true; over && length > 1;) {
+        const double *row = pm_dataset_state(d, i, length - 1);
+        over = true;
+        for (int k = 0; k < d->ncolumn && over; ++k) {
+            over = isnan(row[k]);
+        }
+        over = over || isnan(pm_dataset_time(d, i, length - 1));
+        length -= over;
+    }
+    return length;
+}
+
 static pm_status check_values(const pm_dataset *d, const char *name, const double *value,
                               const char *path) {
     for (int i = 0; i < d->ntrajectory; ++i) {
+        const int length = pm_dataset_length(d, i);
         for (int j = 0; j < d->ntime; ++j) {
             for (int k = 0; k < d->ncolumn; ++k, ++value) {
-                if (!isfinite(*value) && !(d->measured && isnan(*value))) {
+                const bool missing = d->measured || j >= length;
+                if (!isfinite(*value) && !(missing && isnan(*value))) {
                     return pm_fail(PM_EDATA,
                                    "%s: %s of trajectory %d, time %d, column \"%s\" is %g, "
                                    "expected a finite number (indices from 0)",
@@ -291,6 +307,39 @@ static pm_status read_measured_times(pm_dataset *d, const pm_hdf5 *file, const c
     return PM_OK;
 }
 
+// Reads /t [trajectory][time] of states, which must be dt apart in each trajectory up to its end.
+// The times of the longest trajectory go to d->t.
+static pm_status read_times_of_each(pm_dataset *d, const pm_hdf5 *file, const char *path) {
+    const int shape[2] = {d->ntrajectory, d->ntime};
+    int longest = 0;
+    double *times =
+        pm_arena_array(&d->arena, (size_t)d->ntrajectory * (size_t)d->ntime, sizeof *times);
+    PM_TRY(pm_arena_status(&d->arena, "the times of a dataset"));
+    PM_TRY(pm_hdf5_read(file, "/t", 2, shape, times));
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        const double *own = times + (ptrdiff_t)i * d->ntime;
+        int length = 0;
+        while (length < d->ntime && !isnan(own[length])) {
+            ++length;
+        }
+        if (pm_times_check(path, length, own, d->dt) != PM_OK) {
+            return pm_fail(PM_EDATA,
+                           "%s: the times of trajectory %d are not %g s apart, which only those of "
+                           "measurements may be: fit them with `noise` in the training file, and "
+                           "evaluate them with --estimate",
+                           path, i, d->dt);
+        }
+        if (length > longest) {
+            longest = length;
+            memcpy(d->t, own, (size_t)length * sizeof *own);
+        }
+    }
+    for (int j = longest; j < d->ntime; ++j) {
+        d->t[j] = d->t[0] + j * d->dt;
+    }
+    return PM_OK;
+}
+
 // What to load: `name` is the dataset of measurements, or NULL for pm_dataset_load.
 typedef struct loading {
     const char *path, *name;
@@ -309,13 +358,10 @@ static pm_status read_content(pm_dataset *d, const pm_hdf5 *file, const loading 
     } else {
         PM_TRY(pm_hdf5_read(file, "/dt", 0, NULL, &d->dt));
         if (pm_hdf5_shape(file, "/t", 2, times) == PM_OK) {
-            return pm_fail(
-                PM_EDATA,
-                "%s: /t has the times of each trajectory, which only measurements may have: fit "
-                "them with `noise` in the training file, and evaluate them with --estimate",
-                l->path);
+            PM_TRY(read_times_of_each(d, file, l->path));
+        } else {
+            PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
         }
-        PM_TRY(pm_hdf5_read(file, "/t", 1, &shape[1], d->t));
         PM_TRY(pm_hdf5_read(file, "/z", 3, shape, d->z));
         if (pm_hdf5_has(file, "/zdot")) {
             PM_TRY(pm_dataset_with_rates(d));

@@ -10,9 +10,10 @@
 //   units, attribute of /              optional: units of the columns, separated by ';'. An empty
 //                                      text is a unit that is not known. A scene must state the
 //                                      same text as the unit of the column's group
-// A file of measurements (pm_dataset_load_measured) may have times [trajectory][time], and NaN
-// where a sample is missing. Other text attributes of / are notes, such as title, source, command,
-// seed, or coordinates (scene/weights.h).
+// A trajectory may be shorter than the others: its last rows of /z are NaN then, and so may be its
+// times, in a /t [trajectory][time]. A file of measurements (pm_dataset_load_measured) may have
+// uneven times, and NaN where a sample is missing. Other text attributes of / are notes, such as
+// title, source, command, seed, or coordinates (scene/weights.h).
 #ifndef PM_STORE_DATASET_H
 #define PM_STORE_DATASET_H
 
@@ -32,7 +33,7 @@ typedef struct pm_dataset {
     int ntrajectory, ntime, ncolumn;
     double dt;                 // s
     double *t;                 // [ntime] s
-    double *z;                 // [ntrajectory][ntime][ncolumn]
+    double *z;                 // [ntrajectory][ntime][ncolumn]; NaN after a trajectory's end
     double *zdot;              // [ntrajectory][ntime][ncolumn]; NULL: there are no rates
     const char *const *column; // [ncolumn] names
     bool measured;             // z may be NaN, which means that there is no such sample
@@ -44,8 +45,8 @@ typedef struct pm_dataset {
 } pm_dataset;
 
 // Loads and checks a dataset. PM_EFILE: missing, truncated, or not HDF5; PM_EDATA: wrong shapes or
-// columns, times that are not dt apart, or a value that is not finite, whose trajectory, time and
-// column the error names; PM_ENOMEM. The caller frees.
+// columns, times that are not dt apart, or a value that is not finite before the end of its
+// trajectory, whose trajectory, time and column the error names; PM_ENOMEM. The caller frees.
 pm_status pm_dataset_load(pm_dataset **dataset, const char *path);
 // Loads measurements from the dataset `name` of the file, such as "z" or "z_noise". In contrast to
 // pm_dataset_load, z may be NaN, /t may be [time] or [trajectory][time] and need not be evenly
@@ -56,6 +57,9 @@ pm_status pm_dataset_load_measured(pm_dataset **dataset, const char *path, const
 static inline double pm_dataset_time(const pm_dataset *d, int i, int j) {
     return d->times == NULL ? d->t[j] : d->times[(size_t)i * (size_t)d->ntime + (size_t)j];
 }
+// Returns the number of samples of trajectory i: the rows after them have no time, or nothing but
+// NaN.
+int pm_dataset_length(const pm_dataset *dataset, int i);
 // Makes a dataset to be filled: z is zero and t = i dt [s]; column [ncolumn] is copied. PM_ENOMEM.
 // The caller frees.
 pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,

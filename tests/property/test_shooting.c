@@ -32,8 +32,8 @@ typedef struct bench {
     double guess[NZ], deviation[NZ];
     const pm_formula *rule[NZ];
     pm_track track[TRACKS];
-    double time[SAMPLES], y[TRACKS][SAMPLES * NZ], duration[SAMPLES];
-    int steps[SAMPLES];
+    double time[SAMPLES], y[TRACKS][SAMPLES * NZ], duration[2 * SAMPLES];
+    int first_step[SAMPLES + 1];
     double spread[NZ];
     pm_tracks tracks;
     pm_shooting shooting;
@@ -63,11 +63,13 @@ static void observe(bench *b) {
 static void measure(bench *b) {
     const int ny = NZ - 2;
     for (int k = 0; k < SAMPLES; ++k) {
-        b->steps[k] = k + 1 < SAMPLES ? 1 + k % 2 : 0;
-        b->duration[k] = 0.5 + 0.5 * pm_rng_uniform(&b->w.rng);
-        b->time[k] =
-            k == 0 ? 0
-                   : b->time[k - 1] + b->steps[k - 1] * b->duration[k - 1] * b->w.scene->physics.dt;
+        const double length = 0.5 + 0.5 * pm_rng_uniform(&b->w.rng);
+        const int steps = 1 + k % 2, first = b->first_step[k];
+        b->first_step[k + 1] = first + steps;
+        b->duration[first] = b->duration[first + steps - 1] = length;
+        b->time[k] = k == 0 ? 0
+                            : b->time[k - 1] + (first - b->first_step[k - 1]) *
+                                                   b->duration[first - 1] * b->w.scene->physics.dt;
         for (int i = 0; i < TRACKS * ny; ++i) {
             const double outlier = (k + i) % 11 == 0 ? 3 : 0;
             b->y[i / ny][k * ny + i % ny] =
@@ -78,7 +80,7 @@ static void measure(bench *b) {
         b->track[i] = (pm_track){.count = SAMPLES - 4 * i,
                                  .time = b->time,
                                  .y = b->y[i],
-                                 .steps = b->steps,
+                                 .first_step = b->first_step,
                                  .duration = b->duration};
     }
     b->tracks = (pm_tracks){

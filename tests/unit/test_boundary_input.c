@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -230,6 +231,131 @@ static void the_digest_tells_loads_apart(void **state) {
     close(&f);
 }
 
+// --- what is held ---
+
+static const char holding[] = "scene: holding\n"
+                              "time: {dt: 0.1, steps: 5, integrator: rk4}\n"
+                              "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 1}}}}\n"
+                              "boundary_inputs: {hand: {f: {unit: N, dE: [u, 3], hold: %s}}}\n";
+enum { HAND_DE = 2 };
+
+static void open_held(fixture *f, const char *hold, int ntime, double dt) {
+    static const char *const named[] = {"u", "other"};
+    char scene[512];
+    *f = (fixture){0};
+    snprintf(scene, sizeof scene, holding, hold);
+    assert_int_equal(pm_scene_parse(&f->scene, scene, "t.yaml"), PM_OK);
+    assert_int_equal(pm_dataset_new(&f->data, 1, ntime, 2, dt, named), PM_OK);
+    f->data->measured = true;
+}
+
+static void follow_first(fixture *f) {
+    const int stride = pm_boundary_input_stride(f->scene, f->data);
+    assert_int_equal(
+        pm_boundary_input_bind(&f->boundary_input, f->scene, f->data, stride, &f->arena), PM_OK);
+    pm_boundary_input_follow(&f->boundary_input, f->data, 0);
+}
+
+static void check_at(const fixture *f, long step, double fraction, double expected) {
+    double value[6];
+    pm_boundary_input_at(&f->boundary_input, step, fraction, value);
+    near("held", step, value[HAND_DE], expected, 1e-12);
+    near("a number", step, value[HAND_DE + 1], 3, 0);
+}
+
+// Samples every three steps, one of them missing: the value before it stays, or a line crosses it.
+static void samples_are_held_or_joined(void **state) {
+    (void)state;
+    static const double sample[] = {2, 5, NAN, -1, 7};
+    static const double joined[] = {2, 5, 2, -1};
+    for (int line = 0; line < 2; ++line) {
+        fixture f;
+        open_held(&f, line ? "linear" : "previous", 5, 0.1 * STRIDE);
+        for (int j = 0; j < 5; ++j) {
+            pm_dataset_state(f.data, 0, j)[0] = sample[j];
+        }
+        follow_first(&f);
+        assert_int_equal(f.boundary_input.stride, STRIDE);
+        assert_int_equal(f.boundary_input.end, 4 * STRIDE);
+        for (int j = 0; j < 4; ++j) {
+            const double held = j == 2 ? 5 : sample[j];
+            const double slope = (j == 3 ? 8 : j == 0 ? 3 : -3) / (double)STRIDE;
+            for (int k = 0; k < STRIDE; ++k) {
+                check_at(&f, j * STRIDE + k, 0, line ? joined[j] + k * slope : held);
+                check_at(&f, j * STRIDE + k, 1, line ? joined[j] + (k + 1) * slope : held);
+            }
+        }
+        close(&f);
+    }
+}
+
+// Times that are no multiples of dt: a jump acts for its part of the step, so that the impulse is
+// right, and the jump itself is where the sample is.
+static void a_step_has_the_mean_of_uneven_samples(void **state) {
+    (void)state;
+    static const double time[] = {10, 10.13, 10.25, 10.4};
+    static const double sample[] = {1, 5, 5, 2};
+    fixture f;
+    open_held(&f, "previous", 4, 0.1);
+    f.data->times = pm_arena_array(&f.data->arena, 4, sizeof *f.data->times);
+    for (int j = 0; j < 4; ++j) {
+        f.data->times[j] = time[j];
+        pm_dataset_state(f.data, 0, j)[0] = sample[j];
+    }
+    follow_first(&f);
+    assert_int_equal(f.boundary_input.end, 4);
+    check_at(&f, 0, 0.5, 1);
+    check_at(&f, 1, 0, 0.3 * 1 + 0.7 * 5);
+    check_at(&f, 1, 1, 0.3 * 1 + 0.7 * 5);
+    check_at(&f, 3, 0, 5);
+    near("jump", 0, pm_boundary_input_jump(&f.boundary_input, 0, 0.4), 0.13, 1e-12);
+    near("no jump", 0, pm_boundary_input_jump(&f.boundary_input, 0.13, 0.4), 0.4, 1e-12);
+    near("at a jump", 0, pm_boundary_input_of(&f.boundary_input, HAND_DE, 10.13), 5, 0);
+    near("the last", 0, pm_boundary_input_of(&f.boundary_input, HAND_DE, 10.4), 2, 0);
+    close(&f);
+}
+
+// A cubic at uneven times, and a straight line through samples that are denser than steps.
+static void uneven_samples_are_interpolated(void **state) {
+    (void)state;
+    for (int dense = 0; dense < 2; ++dense) {
+        fixture f;
+        open_held(&f, "smooth", 60, 0.1);
+        f.data->times = pm_arena_array(&f.data->arena, 60, sizeof *f.data->times);
+        for (int j = 0; j < 60; ++j) {
+            const double t = dense ? 0.004 * j + 0.001 * (j % 3) : 0.08 * j + 0.01 * (j % 3);
+            f.data->times[j] = t;
+            pm_dataset_state(f.data, 0, j)[0] = dense ? 1 - t : 1 - t + 2 * t * t - 0.3 * t * t * t;
+        }
+        follow_first(&f);
+        for (long step = 0; step < f.boundary_input.end; ++step) {
+            const double t = 0.1 * ((double)step + 0.25);
+            check_at(&f, step, 0.25, dense ? 1 - t : 1 - t + 2 * t * t - 0.3 * t * t * t);
+        }
+        close(&f);
+    }
+}
+
+// A trajectory ends before the others, and a column may have no sample at all.
+static void trajectories_may_be_short(void **state) {
+    (void)state;
+    fixture f;
+    open_held(&f, "previous", 6, 0.1);
+    for (int j = 0; j < 6; ++j) {
+        pm_dataset_state(f.data, 0, j)[0] = j < 4 ? (double)j : (double)NAN;
+        pm_dataset_state(f.data, 0, j)[1] = j < 4 ? (double)j : (double)NAN;
+    }
+    follow_first(&f);
+    assert_int_equal(f.boundary_input.end, 3);
+    assert_true(pm_boundary_input_covers(&f.boundary_input, 2));
+    assert_false(pm_boundary_input_covers(&f.boundary_input, 3));
+    for (int j = 0; j < 6; ++j) {
+        pm_dataset_state(f.data, 0, j)[0] = NAN;
+    }
+    fails(&f, f.data, PM_EDATA, "column \"u\", which has no sample in trajectory 0");
+    close(&f);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(polynomials_are_exact),
@@ -238,6 +364,10 @@ int main(void) {
         cmocka_unit_test(the_time_needs_no_column),
         cmocka_unit_test(what_cannot_be_followed),
         cmocka_unit_test(the_digest_tells_loads_apart),
+        cmocka_unit_test(samples_are_held_or_joined),
+        cmocka_unit_test(a_step_has_the_mean_of_uneven_samples),
+        cmocka_unit_test(uneven_samples_are_interpolated),
+        cmocka_unit_test(trajectories_may_be_short),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -212,7 +212,7 @@ grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expe
 # --- mistakes ---
 sed '/^noise/a stages: [{optimiser: adam, iterations: 3}]' "$folder/training.yaml" >"$folder/stages.yaml"
 expect 3 'a fit to measurements has no stages' fit "$folder/stages.yaml" --data "$folder/swing.h5" -o "$folder/no"
-expect 5 'which only measurements may have' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
+expect 5 'which only those of measurements may be' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
 expect 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 100
 expect 4 'there is no folder' import "$folder/swing_1.csv" -o "$folder/none/swing.h5"
 sed 's/(rad)/(deg)/' "$folder/swing_2.csv" >"$folder/other.csv"

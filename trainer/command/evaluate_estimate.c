@@ -46,13 +46,17 @@ static double time_of(const prediction *j, int id, int k) {
     return pm_dataset_time(j->data, j->which[id], k) - pm_dataset_time(j->data, j->which[id], 0);
 }
 
+// Returns the length of trajectory `id`, s, with a little more for rounding.
+static double length_of(const prediction *j, int id) {
+    const int last = pm_dataset_length(j->data, j->which[id]) - 1;
+    return time_of(j, id, last) + EQUAL * j->system->scene->physics.dt;
+}
+
 // Returns the length of the longest trajectory, s.
 static double longest(const prediction *j) {
     double length = 0;
     for (int i = 0; i < j->count; ++i) {
-        for (int k = 0; k < j->data->ntime; ++k) {
-            length = fmax(length, time_of(j, i, k)); // fmax ignores NAN
-        }
+        length = fmax(length, length_of(j, i));
     }
     return length;
 }
@@ -103,13 +107,10 @@ static pm_status score_truth(prediction *j) {
 static pm_status check_laws(prediction *j) {
     const pm_scene *scene = j->system->scene;
     const pm_estimate *e = &j->estimate;
-    const int ntime = 1 + (int)(longest(j) / scene->physics.dt * (1 + 1e-9));
+    const int ntime = 1 + (int)(longest(j) / scene->physics.dt);
     pm_columns columns;
     const char **column = pm_arena_array(&j->arena, (size_t)scene->physics.nz, sizeof *column);
     PM_TRY(pm_arena_status(&j->arena, "an evaluation"));
-    if (scene->physics.nprescribed > 0 || pm_system_without_energy(j->system) >= 0) {
-        return PM_OK;
-    }
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         memcpy(column + scene->physics.subsystem[i].first, scene->physics.subsystem[i].column,
                (size_t)scene->physics.subsystem[i].layout.nz * sizeof *column);
@@ -119,11 +120,15 @@ static pm_status check_laws(prediction *j) {
     PM_TRY(pm_columns_bind(&columns, scene, j->starts, &j->arena));
     for (int i = 0; i < j->count; ++i) {
         for (int k = 0; k < j->starts->ntime; ++k) {
-            pm_columns_to_row(&columns, e->start + (ptrdiff_t)i * e->nz,
-                              pm_dataset_state(j->starts, i, k));
+            double *row = pm_dataset_state(j->starts, i, k);
+            pm_columns_to_row(&columns, e->start + (ptrdiff_t)i * e->nz, row);
+            for (int c = 0; c < j->starts->ncolumn && k * scene->physics.dt > length_of(j, i);
+                 ++c) {
+                row[c] = NAN;
+            }
         }
     }
-    const pm_evaluate_how how = {.threads = 2};
+    const pm_evaluate_how how = {.threads = 2, .inputs = j->data, .inputs_of = j->which};
     return pm_evaluate(&j->laws, j->system, j->starts, 0, j->count, &how);
 }
 
@@ -200,7 +205,9 @@ static void print_tables(prediction *j) {
         fall = fmax(fall, ledger->worst_entropy_fall);
         violations += ledger->violations;
     }
-    if (j->laws != NULL) {
+    if (pm_system_without_energy(j->system) >= 0) {
+        printf("Laws: not defined, as the model is free of structure and has no energy\n");
+    } else if (j->laws != NULL) {
         printf(
             "Laws: largest energy residual %.2e, steps in violation %ld; the total energy drifts "
             "by %.2e J at most, the total entropy falls by %.2e J/K at most\n",
@@ -421,7 +428,7 @@ static pm_status draw_coverage(const prediction *j) {
 static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     const char *name = j->how->data_set == NULL ? "z" : j->how->data_set;
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
-    PM_TRY(pm_observation_bind(&j->observation, j->system->scene, j->data, &j->arena));
+    PM_TRY(pm_observation_bind(&j->observation, j->system, j->data, &j->arena));
     // The trajectories of the command line, or else those that training did not use.
     const int n = j->data->ntrajectory;
     bool *seen = pm_arena_array(&j->arena, (size_t)n, sizeof *seen);
@@ -478,11 +485,6 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
         print_tables(j);
     }
     PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
-    if (j->how->states != NULL && j->laws == NULL) {
-        return pm_fail(PM_EUSAGE,
-                       "--states: a scene with boundary inputs, or without energy, has no "
-                       "rollouts from estimates");
-    }
     if (j->how->states != NULL) { // the rollouts that checked the laws
         pm_dataset *d = j->laws->predicted;
         PM_TRY(pm_dataset_note(d, "title", "Rollouts of scene %s from estimated starts",

@@ -4,11 +4,10 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/constants.h"
 #include "model/formula.h"
 #include "scene/columns.h"
 #include "store/names.h"
-
-#define MOST_SUBSYSTEMS 64 // of scenes with formulas of the state
 
 // --- binding ---
 
@@ -21,23 +20,114 @@ static pm_status missing(const char *at, const char *column, const pm_dataset *d
                    at, column, list == NULL ? "" : list);
 }
 
-// Adds the groups of all subsystems, with their values in the state z, and the co-energies
-// dE [nsubsystem]. Without a graph, z and dE are PM_NO_NODE and NULL.
-static void add_symbols(pm_symbols *symbols, pm_graph *g, const pm_scene *scene, pm_node z,
-                        const pm_node *dE) {
-    char prefix[PM_MAX_NAME];
-    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
-        snprintf(prefix, sizeof prefix, "%.50s.", s->name);
-        pm_symbols_add(symbols, g, &s->layout, prefix,
-                       z == PM_NO_NODE ? PM_NO_NODE : pm_slice(g, z, s->first, s->layout.nz));
-        snprintf(prefix, sizeof prefix, "%.50s.dE.", s->name);
-        pm_symbols_add(symbols, g, &s->layout, prefix, dE == NULL ? PM_NO_NODE : dE[i]);
+// What the formulas of a scene may name, while their symbols are collected.
+typedef struct collector {
+    pm_graph *g; // NULL: the symbols have no values
+    const pm_system *system;
+    const pm_formula *formula;
+    pm_node z, input; // states [1][nz] and boundary inputs [1][nprescribed] of the scene
+    bool mentioned;   // adds what the formula names; else all the rest, as long as there is room
+    pm_symbols *symbols;
+} collector;
+
+static bool is_wanted(const collector *c, const char *name) {
+    return pm_formula_mentions(c->formula, name) == c->mentioned &&
+           c->symbols->count < PM_MAX_SYMBOLS;
+}
+
+// Adds the groups of a layout, whose values lie side by side in `vector` from `first` on.
+static void add_groups(const collector *c, const char *prefix, const pm_layout *layout,
+                       pm_node vector, int first) {
+    for (int i = 0; i < layout->ngroup; ++i) {
+        const pm_group *group = &layout->group[i];
+        char name[PM_MAX_NAME];
+        snprintf(name, sizeof name, "%s%s", prefix, group->name);
+        if (is_wanted(c, name)) {
+            pm_symbols_add_one(c->symbols, name, group->size,
+                               c->g == NULL ? PM_NO_NODE
+                               : vector == PM_NO_NODE
+                                   ? pm_constant(c->g, 0, 1, group->size)
+                                   : pm_slice(c->g, vector, first + group->first, group->size));
+        }
     }
 }
 
-pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm_dataset *dataset,
+// Adds the constants of a component's model, known and learned ones.
+static void add_constants(const collector *c, int component, const char *owner) {
+    const int nsubsystem = c->system->scene->physics.nsubsystem;
+    const pm_constants *constants = component < nsubsystem
+                                        ? c->system->part[component]->spec.constants
+                                        : c->system->port[component - nsubsystem]->spec.constants;
+    pm_symbols learned = {0};
+    pm_constants_add(constants, c->g, pm_system_params((pm_system *)c->system, component),
+                     &learned);
+    for (int i = 0; constants != NULL && i < constants->count; ++i) {
+        char name[PM_MAX_NAME];
+        snprintf(name, sizeof name, "%s.%s", owner, constants->name[i]);
+        if (!is_wanted(c, name)) {
+            continue;
+        }
+        pm_node node = c->g == NULL ? PM_NO_NODE : pm_constant(c->g, constants->value[i], 1, 1);
+        for (int k = 0; k < learned.count; ++k) {
+            node = strcmp(learned.symbol[k].name, constants->name[i]) == 0 ? learned.symbol[k].node
+                                                                           : node;
+        }
+        pm_symbols_add_one(c->symbols, name, 1, node);
+    }
+}
+
+// Adds what the outside prescribes, by the names of its groups and of the columns that it follows.
+static void add_input(const collector *c, const pm_scene_boundary_input *b) {
+    static const char *const kind[] = {"", "dE.", "dS."};
+    const int nz = b->layout.nz;
+    char prefix[PM_MAX_NAME];
+    for (int i = 0; i < 3; ++i) {
+        snprintf(prefix, sizeof prefix, "%.50s.%s", b->name, kind[i]);
+        add_groups(c, prefix, &b->layout, c->input, b->first + i * nz);
+    }
+    for (int i = 0; i < 3 * nz; ++i) {
+        const char *column = b->value[i].column;
+        bool known = column == NULL || !is_wanted(c, column);
+        for (int k = 0; k < c->symbols->count && !known; ++k) {
+            known = strcmp(c->symbols->symbol[k].name, column) == 0;
+        }
+        if (!known) {
+            pm_symbols_add_one(c->symbols, column, 1,
+                               c->g == NULL ? PM_NO_NODE
+                                            : pm_slice(c->g, c->input, b->first + i, 1));
+        }
+    }
+}
+
+// Adds the symbols of one kind: those that the formula names, or all others.
+static void add_symbols(const collector *c) {
+    const pm_physics *physics = &c->system->scene->physics;
+    char prefix[PM_MAX_NAME];
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &physics->subsystem[i];
+        snprintf(prefix, sizeof prefix, "%.50s.", s->name);
+        add_groups(c, prefix, &s->layout, c->z, s->first);
+        snprintf(prefix, sizeof prefix, "%.50s.dE", s->name);
+        pm_node dE = PM_NO_NODE, dS;
+        if (c->g != NULL && pm_formula_mentions(c->formula, prefix)) {
+            pm_part_coenergies(c->g, c->system->part[i], PM_NO_NODE,
+                               pm_slice(c->g, c->z, s->first, s->layout.nz), &dE, &dS);
+        }
+        snprintf(prefix, sizeof prefix, "%.50s.dE.", s->name);
+        add_groups(c, prefix, &s->layout, dE, 0);
+        add_constants(c, i, s->name);
+    }
+    for (int i = 0; i < physics->nport; ++i) {
+        add_constants(c, physics->nsubsystem + i, physics->port[i].name);
+    }
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        add_input(c, &physics->boundary_input[i]);
+    }
+}
+
+pm_status pm_observation_bind(pm_observation *o, const pm_system *system, const pm_dataset *dataset,
                               pm_arena *arena) {
+    const pm_scene *scene = system->scene;
     const size_t nz = (size_t)scene->physics.nz, most = nz + (size_t)scene->run.nobservation;
     pm_names names;
     *o = (pm_observation){
@@ -101,20 +191,14 @@ pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm
             o->name[o->count++] = s->column[c];
         }
     }
-    int groups = 0;
-    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        groups += scene->physics.subsystem[i].layout.ngroup;
-    }
-    if (scene->run.nobservation > 0 &&
-        (2 * groups > PM_MAX_SYMBOLS || scene->physics.nsubsystem > MOST_SUBSYSTEMS)) {
-        return pm_fail(PM_ECONFIG, "%s: the scene is too large for formulas of its state",
-                       scene->run.observation[0].formula.at);
-    }
     for (int i = 0; i < scene->run.nobservation; ++i) {
         const pm_scene_observation *observation = &scene->run.observation[i];
         const int k = pm_names_find(&names, observation->column);
         pm_symbols symbols = {0};
-        add_symbols(&symbols, NULL, scene, PM_NO_NODE, NULL);
+        collector c = {NULL, system, &observation->formula, PM_NO_NODE, PM_NO_NODE, true, &symbols};
+        add_symbols(&c);
+        c.mentioned = false; // so that an error lists them, too
+        add_symbols(&c);
         PM_TRY(pm_formula_check(&observation->formula, &symbols));
         if (k < 0) {
             return missing(observation->formula.at, observation->column, dataset, arena);
@@ -135,7 +219,7 @@ pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm
 // --- the graph ---
 
 pm_node pm_observation_build(pm_graph *g, const pm_observation *o, const pm_system *system,
-                             pm_node z) {
+                             pm_node z, pm_node input) {
     pm_node value[PM_MAX_GROUPS];
     pm_node all = PM_NO_NODE;
     for (int i = 0; i < o->count; i += PM_MAX_GROUPS) {
@@ -143,15 +227,9 @@ pm_node pm_observation_build(pm_graph *g, const pm_observation *o, const pm_syst
         for (; n < PM_MAX_GROUPS && i + n < o->count; ++n) {
             const int component = o->component[i + n];
             if (component < 0) {
-                const pm_scene *scene = system->scene;
-                pm_node dE[MOST_SUBSYSTEMS], dS;
-                for (int k = 0; k < scene->physics.nsubsystem; ++k) {
-                    const pm_node own = pm_slice(g, z, scene->physics.subsystem[k].first,
-                                                 scene->physics.subsystem[k].layout.nz);
-                    pm_part_coenergies(g, system->part[k], PM_NO_NODE, own, &dE[k], &dS);
-                }
                 pm_symbols symbols = {0};
-                add_symbols(&symbols, g, scene, z, dE);
+                const collector c = {g, system, o->rule[i + n], z, input, true, &symbols};
+                add_symbols(&c);
                 value[n] = pm_formula_build(g, o->rule[i + n], &symbols);
                 continue;
             }

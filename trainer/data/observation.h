@@ -1,7 +1,8 @@
 // An observation gives, for each measured column, a function of the state. A column that the scene
 // maps to a component is this component plus, where the scene says `relative_to`, the component
-// that it is relative to. Other columns are formulas of states and co-energies (`observations` in
-// the scene).
+// that it is relative to. Other columns are formulas (`observations` in the scene) of states and
+// co-energies, of constants of the models, learned ones too, and of boundary inputs, which have the
+// values of the sample: V = U - R I.
 #ifndef PM_TRAINER_DATA_OBSERVATION_H
 #define PM_TRAINER_DATA_OBSERVATION_H
 
@@ -26,11 +27,12 @@ typedef struct pm_observation {
 // arena. PM_EDATA: the dataset lacks a column of a group that is not hidden, or the column of a
 // formula, or a column has another unit than its group; PM_ECONFIG: a formula is wrong, or nothing
 // is measured; PM_ENOMEM.
-pm_status pm_observation_bind(pm_observation *o, const pm_scene *scene, const pm_dataset *dataset,
+pm_status pm_observation_bind(pm_observation *o, const pm_system *system, const pm_dataset *dataset,
                               pm_arena *arena);
 
-// Returns the values [1][count] of all measured columns in the state z [1][nz] of the scene.
+// Returns the values [1][count] of all measured columns in the state z [1][nz] of the scene, where
+// its boundary inputs have the values `input` [1][nprescribed], or PM_NO_NODE if there are none.
 pm_node pm_observation_build(pm_graph *g, const pm_observation *o, const pm_system *system,
-                             pm_node z);
+                             pm_node z, pm_node input);
 
 #endif

@@ -20,13 +20,19 @@ typedef struct stencil {
     double weight[WIDEST];
 } stencil;
 
-// The formula of at most `widest` states for state j of a trajectory, centred where the trajectory
-// is long enough on both sides.
-static stencil stencil_at(int j, int ntime, int widest) {
-    stencil s = {.count = ntime < widest ? ntime : widest};
-    const int last = ntime - s.count;
-    const int first = j < s.count / 2 ? 0 : j - s.count / 2 < last ? j - s.count / 2 : last;
-    s.at = j - first;
+// The states of a trajectory [first, last] between two jumps of its boundary inputs, across which
+// no differences are taken.
+typedef struct piece {
+    int first, last;
+} piece;
+
+// The formula of at most `widest` states for state j of a piece, centred where the piece is long
+// enough on both sides.
+static stencil stencil_at(int j, piece p, int widest) {
+    const int length = p.last - p.first + 1;
+    stencil s = {.count = length < widest ? length : widest};
+    const int last = p.last + 1 - s.count, middle = j - s.count / 2;
+    s.at = j - (middle < p.first ? p.first : middle < last ? middle : last);
     double binomial[WIDEST] = {1}; // barycentric weights of equidistant nodes, with signs
     for (int i = 1; i < s.count; ++i) {
         binomial[i] = -binomial[i - 1] * (s.count - i) / i;
@@ -55,12 +61,29 @@ static void euler_target(const double *state, const double *rate, const stencil 
     }
 }
 
-// The trajectory that is being cut: its states [ntime][nz], and its rates or NULL.
+// The trajectory that is being cut: its states [length][nz], and its rates or NULL.
 typedef struct track {
     const double *state, *rate;
     pm_boundary_input input;
-    int margin, widest;
+    int length, widest;
+    int first, end; // the states with which windows begin: [first, end)
 } track;
+
+// Finds the states with which windows begin.
+static void bound(track *t, const pm_samples *s, const pm_dataset *d, int trajectory,
+                  pm_residual residual) {
+    t->length = pm_dataset_length(d, trajectory);
+    // The states at either end of a trajectory that are no samples, because only one-sided
+    // differences could be taken there, and no weight says how inaccurate they are. Short
+    // trajectories keep at least half of their states.
+    const bool differences = residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL && !s->weighted;
+    const int most = t->length / 4, half = t->widest / 2;
+    t->first = !differences ? 0 : most < half ? most : half;
+    // Boundary inputs have no interval after the last state.
+    t->end = t->length - (t->first > 0 ? t->first : s->unroll);
+    const bool enough = t->end > t->first && (!s->weighted || t->length >= WIDEST);
+    t->end = enough ? t->end : t->first;
+}
 
 // Cuts one trajectory into windows and returns the end of them. In place of weights they hold
 // estimated errors. square [nz] gains the squares of their increments.
@@ -68,9 +91,12 @@ static double *cut(const pm_samples *s, const track *t, const pm_dataset *d, pm_
                    double *window, double *square) {
     const size_t nz = (size_t)s->nz,
                  nboundary_input = (size_t)s->input_order * (size_t)s->nboundary_input;
-    // Boundary inputs have no interval after the last state.
-    const int last = d->ntime - (t->margin > 0 ? t->margin : s->unroll);
-    for (int j = t->margin; j < last; ++j) {
+    piece p = {0, s->nboundary_input > 0 ? 0 : t->length - 1};
+    for (int j = t->first; j < t->end; ++j) {
+        while (j >= p.last && p.last < t->length - 1) {
+            p.first = p.last;
+            p.last = (int)pm_boundary_input_jump(&t->input, p.first, t->length - 1);
+        }
         const double *at = t->state + (size_t)j * nz;
         if (residual == PM_RESIDUAL_DERIVATIVE) {
             memcpy(window, at, nz * sizeof *at);
@@ -79,11 +105,11 @@ static double *cut(const pm_samples *s, const track *t, const pm_dataset *d, pm_
             double *target = window + nz;
             double *error = window + pm_samples_weights(s);
             const double *here = t->state + (ptrdiff_t)j * s->nz;
-            const stencil wide = stencil_at(j, d->ntime, t->widest);
+            const stencil wide = stencil_at(j, p, t->widest);
             euler_target(here, t->rate == NULL ? NULL : t->rate + (ptrdiff_t)j * s->nz, &wide,
                          d->dt, s->nz, target);
             if (s->weighted) {
-                const stencil less = stencil_at(j, d->ntime, t->widest - 2);
+                const stencil less = stencil_at(j, p, t->widest - 2);
                 euler_target(here, NULL, &less, d->dt, s->nz, error);
                 for (int c = 0; c < s->nz; ++c) {
                     error[c] = fabs(error[c] - target[c]);
@@ -110,20 +136,14 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
     track t = {.widest = s->nboundary_input > 0 ? WIDEST_WITH_INPUTS : WIDEST};
     s->weighted = residual == PM_RESIDUAL_DERIVATIVE && d->zdot == NULL &&
                   s->nboundary_input == 0 && d->ntime >= WIDEST;
-    // The states at either end of a trajectory that are no samples, because only one-sided
-    // differences could be taken there, and no weight says how inaccurate they are. Short
-    // trajectories keep at least half of their states.
-    const int most = d->ntime / 4;
-    t.margin = s->weighted ? 0
-                           : (residual != PM_RESIDUAL_DERIVATIVE || d->zdot != NULL ? 0
-                              : most < t.widest / 2                                 ? most
-                                                                                    : t.widest / 2);
-    const int per_trajectory = d->ntime - (t.margin > 0 ? 2 * t.margin : s->unroll);
-    if (per_trajectory <= 0 || end <= first) {
+    for (int i = first; i < end; ++i) {
+        bound(&t, s, d, i, residual);
+        s->count += t.end - t.first;
+    }
+    if (s->count == 0) {
         return pm_fail(PM_EDATA, "%d trajectories of %d states are too short to train on",
                        end - first, d->ntime);
     }
-    s->count = per_trajectory * (end - first);
     const size_t nz = (size_t)s->nz, count = (size_t)s->count;
     pm_columns columns;
     PM_TRY(pm_columns_bind(&columns, scene, d, scratch));
@@ -139,7 +159,8 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
     t.rate = d->zdot == NULL ? NULL : rate;
     double *window = s->z;
     for (int i = first; i < end; ++i) {
-        for (int j = 0; j < d->ntime; ++j) {
+        bound(&t, s, d, i, residual);
+        for (int j = 0; j < t.length; ++j) {
             pm_columns_to_state(&columns, pm_dataset_state(d, i, j), state + (size_t)j * nz);
             if (d->zdot != NULL) {
                 pm_columns_to_state(&columns, pm_dataset_rate(d, i, j), rate + (size_t)j * nz);
@@ -169,13 +190,16 @@ static pm_status make(pm_samples *s, const pm_scene *scene, const pm_dataset *d,
         // error, an uncertain rate still pulls. One-sided differences, whose errors are up to 70
         // times as large as those of central ones, have smaller weights: they count only where
         // rates are certain.
-        for (int i = 0; i < s->count; ++i) {
-            double *weight = s->z + (ptrdiff_t)i * pm_samples_width(s) + pm_samples_weights(s);
-            const int j = i % (s->count / (end - first)), side = WIDEST / 2;
-            const bool central = j >= side && j < d->ntime - side;
-            for (int c = 0; c < s->nz; ++c) {
-                const double error = weight[c] / (CERTAIN * s->scale[c]);
-                weight[c] = central ? 1 / hypot(1, error) : 1 / (1 + error * error);
+        double *weight = s->z + pm_samples_weights(s);
+        const int side = WIDEST / 2;
+        for (int i = first; i < end; ++i) {
+            bound(&t, s, d, i, residual);
+            for (int j = t.first; j < t.end; ++j, weight += pm_samples_width(s)) {
+                const bool central = j >= side && j < t.length - side;
+                for (int c = 0; c < s->nz; ++c) {
+                    const double error = weight[c] / (CERTAIN * s->scale[c]);
+                    weight[c] = central ? 1 / hypot(1, error) : 1 / (1 + error * error);
+                }
             }
         }
     }

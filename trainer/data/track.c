@@ -24,35 +24,96 @@ static bool later_is_nearer(const pm_dataset *d, int trajectory, int j, int end,
     return next - aim <= aim - t + EQUAL * dt;
 }
 
-// --- boundary inputs ---
+// --- steps ---
 
-static pm_status follow_inputs(pm_tracks *tracks, const pm_scene *scene, const pm_dataset *d,
-                               const int *which) {
-    if (scene->physics.nprescribed == 0) {
-        return PM_OK;
+// The steps of a track while they are listed. `input` follows its trajectory; NULL: no inputs.
+typedef struct listing {
+    const pm_scene *scene;
+    pm_boundary_input *input;
+    pm_track *track;
+    int count; // of steps so far; the arrays of the track are filled unless they are NULL
+} listing;
+
+// Lists the equal steps, of at most one dt each, from one time to another, between which no input
+// jumps.
+static void list_steps(listing *l, double from, double end) {
+    const double span = (end - from) / l->scene->physics.dt;
+    const int steps = (int)fmax(1, ceil(span * (1 - EQUAL)));
+    const double exact = span / steps, duration = fabs(exact - 1) < EQUAL ? 1 : exact;
+    for (int i = 0; i < steps && l->track->duration != NULL; ++i) {
+        l->track->duration[l->count + i] = duration;
+        if (l->input != NULL) {
+            const double length = (end - from) / steps;
+            const size_t width = (size_t)l->input->n * PM_BOUNDARY_INPUT_ORDER;
+            pm_boundary_input_over(l->input,
+                                   pm_boundary_input_position(l->input, from + i * length),
+                                   pm_boundary_input_position(l->input, from + (i + 1) * length),
+                                   l->track->input + (size_t)(l->count + i) * width);
+        }
     }
-    if (tracks->stretched || d->times != NULL) {
-        return pm_fail(PM_EDATA,
-                       "%s: boundary inputs need measurements that are dt = %g s apart, found %g s",
-                       scene->path, scene->physics.dt, d->dt);
+    l->count += steps;
+}
+
+// Lists the steps of a track, which begin at samples and at jumps of inputs.
+static void list_track(listing *l) {
+    pm_track *r = l->track;
+    l->count = 0;
+    for (int k = 0; k + 1 < r->count; ++k) {
+        r->first_step[k] = l->count;
+        double from = r->time[k];
+        while (l->input != NULL) {
+            const double end = pm_boundary_input_position(l->input, r->time[k + 1]);
+            const double jump =
+                pm_boundary_input_jump(l->input, pm_boundary_input_position(l->input, from), end);
+            if (jump >= end) {
+                break;
+            }
+            const double time = l->input->origin + jump * l->input->unit;
+            list_steps(l, from, time);
+            from = time;
+        }
+        list_steps(l, from, r->time[k + 1]);
     }
+    r->first_step[r->count - 1] = l->count;
+}
+
+// Finds the steps of all tracks, and the boundary inputs over them.
+static pm_status make_steps(pm_tracks *tracks, const pm_scene *scene, const pm_dataset *d,
+                            const int *which) {
+    const int n = scene->physics.nprescribed;
     pm_boundary_input input = {0};
-    const size_t width = (size_t)scene->physics.nprescribed * PM_BOUNDARY_INPUT_ORDER;
-    PM_TRY(pm_boundary_input_bind(&input, scene, d, 1, &tracks->arena));
+    pm_arena *arena = &tracks->arena;
+    if (n > 0) {
+        PM_TRY(pm_boundary_input_bind(&input, scene, d, pm_boundary_input_stride(scene, d), arena));
+    }
     for (int i = 0; i < tracks->count; ++i) {
         pm_track *r = &tracks->track[i];
-        pm_boundary_input_follow(&input, d, which[i]);
-        r->input = pm_arena_array(&tracks->arena, (size_t)r->count * width, sizeof *r->input);
-        PM_TRY(pm_arena_status(&tracks->arena, "measured trajectories"));
-        for (int k = 0; k + 1 < r->count; ++k) {
-            memcpy(r->input + (size_t)k * width, pm_boundary_input_interval(&input, k),
-                   width * sizeof *r->input);
+        listing l = {scene, n > 0 ? &input : NULL, r, 0};
+        if (n > 0) {
+            pm_boundary_input_follow(&input, d, which[i]);
+        }
+        r->first_step = pm_arena_array(arena, (size_t)r->count, sizeof *r->first_step);
+        PM_TRY(pm_arena_status(arena, "measured trajectories"));
+        list_track(&l);
+        const size_t steps = (size_t)l.count, width = (size_t)n * PM_BOUNDARY_INPUT_ORDER;
+        double *duration = pm_arena_array(arena, steps, sizeof *duration);
+        double *over = pm_arena_array(arena, steps * width, sizeof *over);
+        if (n > 0) {
+            r->input = over;
+            r->now = pm_arena_array(arena, (size_t)(r->count * n), sizeof *r->now);
+        }
+        PM_TRY(pm_arena_status(arena, "measured trajectories"));
+        r->duration = duration;
+        list_track(&l);
+        for (size_t k = 0; k < steps; ++k) {
+            tracks->stretched = tracks->stretched || duration[k] != 1;
+        }
+        for (int k = 0; k < r->count * n; ++k) {
+            r->now[k] = pm_boundary_input_of(&input, k % n, r->time[k / n]);
         }
     }
     return PM_OK;
 }
-
-// --- statistics ---
 
 // --- making ---
 
@@ -67,12 +128,9 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
         // sample after the first is the one whose time is nearest to dt after that of the one
         // before.
         const double start = pm_dataset_time(d, which[i], 0);
-        int count = 0, end = 0;
-        for (; end < d->ntime; ++end) {
-            const double t = pm_dataset_time(d, which[i], end);
-            if (isnan(t) || t - start > until * (1 + EQUAL)) {
-                break;
-            }
+        int count = 0, end = pm_dataset_length(d, which[i]);
+        while (end > 0 && pm_dataset_time(d, which[i], end - 1) - start > until * (1 + EQUAL)) {
+            --end;
         }
         for (int j = 0; j < end; ++j) {
             const double aim =
@@ -99,8 +157,6 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
         const size_t n = (size_t)r->count;
         r->time = pm_arena_array(&tracks->arena, n, sizeof *r->time);
         r->y = pm_arena_array(&tracks->arena, n * (size_t)o->count, sizeof *r->y);
-        r->steps = pm_arena_array(&tracks->arena, n, sizeof *r->steps);
-        r->duration = pm_arena_array(&tracks->arena, n, sizeof *r->duration);
         PM_TRY(pm_arena_status(&tracks->arena, "measured trajectories"));
         for (int k = 0; k < r->count; ++k) {
             const double *row = pm_dataset_state(d, which[i], r->sample[k]);
@@ -109,18 +165,8 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
                 r->y[(ptrdiff_t)k * o->count + c] = row[o->column[c]];
             }
         }
-        for (int k = 0; k + 1 < r->count; ++k) {
-            const double span = (r->time[k + 1] - r->time[k]) / scene->physics.dt;
-            r->steps[k] = (int)fmax(1, ceil(span * (1 - EQUAL)));
-            r->duration[k] = span / r->steps[k];
-            if (fabs(r->duration[k] - 1) < EQUAL) {
-                r->duration[k] = 1;
-            } else {
-                tracks->stretched = true;
-            }
-        }
     }
-    PM_TRY(follow_inputs(tracks, scene, d, which));
+    PM_TRY(make_steps(tracks, scene, d, which));
     tracks->deviation =
         pm_arena_array(&tracks->arena, (size_t)tracks->ny, sizeof *tracks->deviation);
     PM_TRY(pm_arena_status(&tracks->arena, "measured trajectories"));

@@ -11,25 +11,27 @@ typedef struct pm_track {
     double *time;     // [count] s
     double *y;        // [count][ny]; NaN where nothing was measured
     int *sample;      // [count] their positions in the trajectory of the dataset
-    int *steps;       // [count] integration intervals until the next sample; 0 for the last one
-    double *duration; // [count] the length of each of these intervals in dt of the scene
-    // [count - 1][inputs] polynomials of the boundary inputs until the next sample; NULL: none
-    double *input;
+    int *first_step;  // [count] the first of the steps until the next sample; the last: all steps
+    double *duration; // [steps] the length of each step in dt of the scene
+    // [steps][PM_BOUNDARY_INPUT_ORDER][nprescribed] the boundary inputs over each step
+    // (scene/boundary_input.h), and [count][nprescribed] their values at the samples; NULL: none
+    double *input, *now;
 } pm_track;
 
 typedef struct pm_tracks {
     pm_arena arena; // owns all
     int count, ny;
     pm_track *track;   // [count]
-    bool stretched;    // some interval is not dt long
+    bool stretched;    // some step is not dt long
     double *deviation; // [ny] standard deviation of each column over all samples
 } pm_tracks;
 
 // Makes the tracks of the trajectories `which` [count] of a measured dataset, from their first
-// sample until `until` seconds later (INFINITY: all). Between two samples the intervals are equal
-// and at most one dt of the scene long. With `thin`, a track has samples that are about dt apart:
-// after each one the one nearest to dt later. The caller frees. PM_EDATA: a trajectory has fewer
-// than two samples, or the scene has boundary inputs and the samples are not dt apart; PM_ENOMEM.
+// sample until `until` seconds later (INFINITY: all). Between two samples, and between two jumps of
+// boundary inputs, steps are equal and at most one dt of the scene long. With `thin`, a track has
+// samples that are about dt apart: after each one the one nearest to dt later. The caller frees.
+// PM_EDATA: a trajectory has fewer than two samples, or a column of a boundary input has none;
+// PM_ENOMEM.
 pm_status pm_tracks_make(pm_tracks *tracks, const pm_scene *scene, const pm_observation *o,
                          const pm_dataset *dataset, int count, const int *which, double until,
                          bool thin);

@@ -169,8 +169,9 @@ static void keep_state(const worker *w, pm_rollout *rollout, int index) {
 static void roll(worker *w, int index) {
     const pm_evaluation *e = w->e;
     pm_rollout *rollout = &e->rollout[index];
-    const int ngroup = e->columns.ngroup, ntime = e->truth->ntime, trajectory = rollout->trajectory;
-    pm_boundary_input_follow(&w->boundary_input, e->truth, trajectory);
+    const int ngroup = e->columns.ngroup, trajectory = rollout->trajectory;
+    const int ntime = rollout->length;
+    pm_boundary_input_follow(&w->boundary_input, e->inputs, e->inputs_of[index]);
     pm_monolithic_set_boundary_input(w->assembly, &w->boundary_input);
     // Energies, entropies and temperatures in the true states.
     for (int j = 0; j < ntime && pm_system_without_energy(e->system) < 0; ++j) {
@@ -210,9 +211,10 @@ static void roll(worker *w, int index) {
             keep_state(w, rollout, index);
         }
     }
-    for (int i = rollout->reached; i < ntime; ++i) {
+    for (int i = rollout->reached; i < e->truth->ntime; ++i) {
         memcpy(pm_dataset_state(e->predicted, index, i),
-               pm_dataset_state(e->predicted, index, i - 1),
+               i < ntime ? pm_dataset_state(e->predicted, index, i - 1)
+                         : pm_dataset_state(e->truth, trajectory, i),
                (size_t)e->truth->ncolumn * sizeof(double));
     }
     const long steps = rollout->ledger.steps;
@@ -268,7 +270,10 @@ static void *work(void *context) {
     w.dE = pm_arena_array(&w.arena, n, sizeof(double *));
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&w.arena, "an evaluation"));
-    PM_TRY_DONE(pm_boundary_input_bind(&w.boundary_input, system->scene, w.e->truth, w.e->stride,
+    PM_TRY_DONE(pm_boundary_input_bind(&w.boundary_input, system->scene, w.e->inputs,
+                                       w.e->inputs == w.e->truth
+                                           ? w.e->stride
+                                           : pm_boundary_input_stride(system->scene, w.e->inputs),
                                        &w.arena));
     PM_TRY_DONE(open_models(&w));
     PM_TRY_DONE(pm_monolithic_open(&w.assembly, system));
@@ -337,7 +342,12 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
     if (e == NULL) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
-    *e = (pm_evaluation){.system = system, .truth = truth, .count = count, .stride = (int)whole};
+    *e = (pm_evaluation){.system = system,
+                         .truth = truth,
+                         .count = count,
+                         .stride = (int)whole,
+                         .inputs = how->inputs == NULL ? truth : how->inputs,
+                         .inputs_of = how->inputs == NULL ? which : how->inputs_of};
     double *value; // of all states of all rollouts
     pm_status status;
     PM_TRY_DONE(pm_columns_bind(&e->columns, scene, truth, &e->arena));
@@ -351,6 +361,7 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
     for (int i = 0; e->rollout != NULL && i < count; ++i) {
         pm_rollout *rollout = &e->rollout[i];
         rollout->trajectory = which[i];
+        rollout->length = pm_dataset_length(truth, which[i]);
         rollout->error = pm_arena_array(arena, ngroup, sizeof(double));
         rollout->snapshot = pm_arena_array(arena, ntime * ngroup, sizeof(double));
         rollout->energy = pm_arena_array(arena, ntime, sizeof(double));
@@ -371,11 +382,11 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
         }
         e->trajectory[g] = pm_box_of(count, value);
         for (int i = 0; i < count; ++i) {
-            for (size_t j = 1; j < ntime; ++j) {
+            for (size_t j = 1; j < (size_t)e->rollout[i].length; ++j) {
                 value[n++] = e->rollout[i].snapshot[j * ngroup + g];
             }
         }
-        e->snapshot[g] = pm_box_of(n, value);
+        e->snapshot[g] = n > 0 ? pm_box_of(n, value) : (pm_box){0};
     }
     *evaluation = e;
     e = NULL;
@@ -418,7 +429,7 @@ const pm_rollout *pm_evaluation_violation(const pm_evaluation *evaluation) {
 int pm_evaluation_failures(const pm_evaluation *evaluation) {
     int count = 0;
     for (int i = 0; i < evaluation->count; ++i) {
-        count += evaluation->rollout[i].reached < evaluation->truth->ntime;
+        count += evaluation->rollout[i].reached < evaluation->rollout[i].length;
     }
     return count;
 }

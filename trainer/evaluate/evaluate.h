@@ -15,7 +15,8 @@
 // The result of one rollout. Errors are relative L2 errors for each group of columns (sim/score.h).
 typedef struct pm_rollout {
     int trajectory;   // its number in the dataset
-    int reached;      // the number of finite states; ntime of the dataset if all are
+    int length;       // the number of states of the trajectory
+    int reached;      // the number of finite states; `length` if all are
     double *error;    // [ngroup] over the trajectory; infinite if not all states are finite
     double *snapshot; // [ntime][ngroup] error of each state alone; infinite from `reached` on
     double *energy;   // [ntime] J, total; zero from `reached` on, or if energy is not defined
@@ -37,9 +38,11 @@ typedef struct pm_evaluation {
     const pm_system *system; // borrowed
     const pm_dataset *truth; // borrowed
     pm_columns columns;
-    int count;           // the number of rollouts
-    int stride;          // steps of the scene between two states of the dataset
-    pm_rollout *rollout; // [count]
+    int count;                // the number of rollouts
+    int stride;               // steps of the scene between two states of the dataset
+    const pm_dataset *inputs; // that boundary inputs follow, borrowed: truth, or as asked
+    const int *inputs_of;     // [count] its trajectories, while the rollouts are made
+    pm_rollout *rollout;      // [count]
     // The rollouts as a dataset [count][ntime][ncolumn] in the coordinates of the given one.
     // Columns that the scene does not predict are copied. The last finite state is repeated up to
     // the end.
@@ -55,6 +58,10 @@ typedef struct pm_evaluate_how {
     // Called after each rollout with the number done so far, by one thread at a time; or NULL.
     void (*progress)(void *context, int done);
     void *context;
+    // Measurements that boundary inputs follow in place of the dataset, and the number of the
+    // trajectory for each rollout [count]; NULL: the dataset has the inputs.
+    const pm_dataset *inputs;
+    const int *inputs_of;
 } pm_evaluate_how;
 
 // Rolls out trajectories first to end-1. A rollout that becomes non-finite is a result, not a

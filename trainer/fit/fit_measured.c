@@ -82,6 +82,26 @@ static void vary_hidden(const pm_fit_measured *m, const pm_scene *scene, int tra
     }
 }
 
+// Fills the columns of boundary inputs, which stand behind those of the states.
+static void fill_inputs(pm_fit *f, pm_boundary_input *input, int trajectory, double start) {
+    pm_dataset *d = f->dataset;
+    if (d->ncolumn > f->training->scene->physics.nz) {
+        pm_boundary_input_follow(input, f->measured.data, trajectory);
+    }
+    for (int k = f->training->scene->physics.nz; k < d->ncolumn; ++k) {
+        int i = 0; // a value that follows the column
+        while (i + 1 < input->n &&
+               (input->column[i] < 0 ||
+                strcmp(f->measured.data->column[input->column[i]], d->column[k]) != 0)) {
+            ++i;
+        }
+        for (int j = 0; j < d->ntime; ++j) {
+            pm_dataset_state(d, trajectory, j)[k] =
+                pm_boundary_input_of(input, i, start + j * d->dt);
+        }
+    }
+}
+
 // Fills the dataset of states from the tracks of all trajectories.
 static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     pm_fit_measured *m = &f->measured;
@@ -99,6 +119,9 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     PM_TRY(list_columns(f, &column, &count));
     PM_TRY(pm_dataset_new(&f->dataset, tracks->count, ntime, count, scene->physics.dt, column));
     PM_TRY(pm_columns_bind(&columns, scene, f->dataset, &f->arena));
+    pm_boundary_input input = {0};
+    PM_TRY(pm_boundary_input_bind(&input, scene, m->data, pm_boundary_input_stride(scene, m->data),
+                                  &f->arena));
     double *state = malloc((size_t)ntime * nz * sizeof *state);
     if (state == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for measurements");
@@ -109,18 +132,7 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
         for (int j = 0; j < ntime; ++j) {
             pm_columns_to_row(&columns, state + (size_t)j * nz, pm_dataset_state(f->dataset, i, j));
         }
-        // Copies the columns of boundary inputs, which stand behind those of the states.
-        for (int k = scene->physics.nz; k < f->dataset->ncolumn; ++k) {
-            int c = 0;
-            while (c + 1 < m->data->ncolumn &&
-                   strcmp(m->data->column[c], f->dataset->column[k]) != 0) {
-                ++c;
-            }
-            for (int j = 0; j < f->dataset->ntime && j < tracks->track[i].count; ++j) {
-                pm_dataset_state(f->dataset, i, j)[k] =
-                    pm_dataset_state(m->data, i, tracks->track[i].sample[j])[c];
-            }
-        }
+        fill_inputs(f, &input, i, tracks->track[i].time[0]);
     }
     free(state);
     return PM_OK;
@@ -134,7 +146,7 @@ static pm_status load(pm_fit *f) {
                                                        : "z";
     const size_t nz = (size_t)scene->physics.nz;
     PM_TRY(pm_dataset_load_measured(&m->data, f->data, name));
-    PM_TRY(pm_observation_bind(&m->observation, scene, m->data, &f->arena));
+    PM_TRY(pm_observation_bind(&m->observation, f->training->system, m->data, &f->arena));
     const size_t ny = (size_t)m->observation.count;
     // Room for a point of the continuation, with the starts of the shortest windows.
     m->nstart = m->data->ntrajectory * (m->data->ntime / PM_CONTINUATION_SHORTEST + 1) * (int)nz;

@@ -129,6 +129,7 @@ typedef struct prediction_work {
     pm_sensitivity_item item[PM_SENSITIVITY_BATCH];
     double *y, *by_start, *by_weights; // [PM_SENSITIVITY_BATCH] of [ny], [ny][nz], [ny][nweight]
     double *product;                   // [ny or nz, the larger][nweight]
+    int ninput;                        // nprescribed of the scene
 } prediction_work;
 
 // Returns row covariance row' for a symmetric covariance [n][n].
@@ -188,6 +189,8 @@ static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, in
             moving[i] = &track[i];
             sample[i] = k < track[i].count ? k : -1;
             if (k < track[i].count) {
+                const double *now = track[i].now;
+                p->item[i].now = now == NULL ? NULL : now + (ptrdiff_t)k * p->ninput;
                 which[n] = i;
                 item[n++] = &p->item[i];
             }
@@ -225,7 +228,9 @@ static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation
                          const pm_dataset *dataset, const int *which, const pm_estimate_how *how,
                          const start_uncertainty *start) {
     pm_tracks tracks;
-    prediction_work p = {.uncertainty = how->uncertainty, .start = start};
+    prediction_work p = {.uncertainty = how->uncertainty,
+                         .start = start,
+                         .ninput = system->scene->physics.nprescribed};
     const size_t nz = (size_t)e->nz, ny = (size_t)e->ny, batch = PM_SENSITIVITY_BATCH;
     const size_t n = p.uncertainty == NULL ? 0 : (size_t)p.uncertainty->nweight;
     p.y = pm_arena_array(&e->arena, batch * ny, sizeof *p.y);

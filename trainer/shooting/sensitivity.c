@@ -98,7 +98,9 @@ static pm_status build(pm_sensitivity *f, jacobian *j) {
     if (j == &f->step) {
         PM_TRY_DONE(build_step(g, f, j, &scratch));
     } else {
-        j->value = pm_observation_build(g, f->how.observation, f->how.system, j->z);
+        const int n = f->how.system->scene->physics.nprescribed;
+        j->input = n > 0 ? pm_input(g, true, 1, n) : PM_NO_NODE;
+        j->value = pm_observation_build(g, f->how.observation, f->how.system, j->z, j->input);
     }
     status = open_jacobian(g, f, j, &scratch);
 done:
@@ -181,8 +183,10 @@ static void run(const pm_sensitivity *f, jacobian *j, int count, pm_sensitivity_
     for (int i = 0; i < count; ++i) {
         memcpy(z + (ptrdiff_t)i * f->nz, item[i]->z, (size_t)f->nz * sizeof *z);
         if (j->input != PM_NO_NODE) {
-            memcpy(pm_program_value(j->program, j->input) + (ptrdiff_t)i * f->ninput,
-                   item[i]->input, (size_t)f->ninput * sizeof *z);
+            const bool step = j == &f->step;
+            const int n = step ? f->ninput : f->ninput / PM_BOUNDARY_INPUT_ORDER;
+            memcpy(pm_program_value(j->program, j->input) + (ptrdiff_t)i * n,
+                   step ? item[i]->input : item[i]->now, (size_t)n * sizeof *z);
         }
         if (j->stretch != PM_NO_NODE) {
             pm_program_value(j->program, j->stretch)[i] = item[i]->duration;
@@ -264,8 +268,8 @@ void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivi
         n = 0;
         for (int i = 0; i < count; ++i) {
             const pm_track *t = track[i];
-            const int k = sample[i];
-            if (k >= 0 && step < t->steps[k]) {
+            const int k = sample[i] < 0 ? -1 : t->first_step[sample[i]] + step;
+            if (k >= 0 && sample[i] + 1 < t->count && k < t->first_step[sample[i] + 1]) {
                 item[i].duration = t->duration[k];
                 item[i].input =
                     t->input == NULL ? NULL : t->input + (ptrdiff_t)k * sensitivity->ninput;

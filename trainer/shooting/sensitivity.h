@@ -16,7 +16,7 @@ typedef struct pm_sensitivity_how {
     const pm_observation *observation; // borrowed
     const pm_integrator *integrator;   // borrowed
     int substeps;                      // steps of the integrator in one dt of the scene
-    bool stretched;                    // intervals are not all dt long
+    bool stretched;                    // steps are not all dt long
     bool fixed;                        // derivatives with respect to the weights are not computed
 } pm_sensitivity_how;
 
@@ -30,7 +30,7 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
                               bool derivatives);
 void pm_sensitivity_close(pm_sensitivity *sensitivity); // NULL is allowed
 
-// Returns the number of coefficients of the boundary inputs that a step reads for one interval.
+// Returns the number of coefficients of the boundary inputs that a step reads.
 int pm_sensitivity_inputs(const pm_sensitivity *sensitivity);
 
 // A state that the integrator advances in time, with its derivatives. The caller owns the arrays.
@@ -38,9 +38,10 @@ typedef struct pm_sensitivity_item {
     double *z;          // [nz] the state
     double *by_start;   // [nz][nz] its derivative with respect to the state at the start
     double *by_weights; // [nz][nweight] its derivative with respect to the weights
-    const double
-        *input; // [pm_sensitivity_inputs] the boundary inputs over the coming interval, or NULL
-    double duration; // of the coming interval, in dt of the scene
+    // The boundary inputs over the coming step [pm_sensitivity_inputs], and at the present sample
+    // [nprescribed], or NULL.
+    const double *input, *now;
+    double duration; // of the coming step, in dt of the scene
 } pm_sensitivity_item;
 
 // Gives `count` items arrays in the arena, for nz components and nweight weights. The caller checks
@@ -49,8 +50,8 @@ void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, si
                              pm_arena *arena);
 // Makes the state of `item` a start: by_start becomes the identity and by_weights zero.
 void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item *item);
-// Advances the states of all items [count], count <= PM_SENSITIVITY_BATCH, by one interval each,
-// which is one step of the scene stretched to item->duration. Also advances the derivatives if
+// Advances the states of all items [count], count <= PM_SENSITIVITY_BATCH, by one step each, which
+// is one of the scene stretched to item->duration. Also advances the derivatives if
 // there are any.
 void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item);
 // Takes item i of items [count] from sample[i] of the track track[i] to the next sample; a sample

@@ -329,6 +329,9 @@ static void run_batch(pm_shooting_lane *l, int first, int count) {
             const int intervals = sample_count(w) - (w->ends ? 1 : 0);
             sample[i] = k < intervals ? w->first + k : -1;
             if (k < sample_count(w)) {
+                const ptrdiff_t ninput = s->how.system->scene->physics.nprescribed;
+                l->item[i].now =
+                    track[i]->now == NULL ? NULL : track[i]->now + (w->first + k) * ninput;
                 looking[n] = &l->item[i];
                 which[n++] = first + i;
             }
