@@ -127,7 +127,7 @@ static bool is_finite(const pm_books *books) {
     double nothing = 0; // becomes NaN
 #define ADD(type, name, series, unit) nothing += 0 * (double)books->name;
 #define ADD_BULK(member, name, series, unit) nothing += 0 * books->bulk.member;
-#define ADD_END(member, name, unit) nothing += 0 * books->flux[i].member;
+#define ADD_END(member, name, series, unit) nothing += 0 * books->flux[i].member;
     PM_SUBSYSTEM_NUMBERS(ADD, ADD_BULK)
     for (int i = 0; i < books->nflux; ++i) {
         PM_END_NUMBERS(ADD_END)
@@ -171,7 +171,7 @@ pm_status pm_reporter_add_step(pm_reporter *reporter, const portmet_report_t *he
         const pm_books books = pm_local_subsystems_books(subsystems->local, id);
 #define PUT(type, name, series, unit) m->name[part] = books.name;
 #define PUT_BULK(member, name, series, unit) m->name[part] = books.bulk.member;
-#define PUT_END(member, name, unit) m->name[end] = books.flux[k].member;
+#define PUT_END(member, name, series, unit) m->name[end] = books.flux[k].member;
         PM_SUBSYSTEM_NUMBERS(PUT, PUT_BULK)
         for (int k = 0; k < books.nflux; ++k, ++end) {
             PM_END_NUMBERS(PUT_END)
@@ -276,7 +276,7 @@ static void fill(const pm_remote_process *remote, int row, pm_sample *sample) {
     for (int k = 0; k < shape->nend; ++k) {
         const int from = row * shape->nend + k;
         pm_flux *flux = &sample->flux[shape->end[k] / 2][shape->end[k] % 2];
-#define TAKE_END(member, name, unit) flux->member = r->name[from];
+#define TAKE_END(member, name, series, unit) flux->member = r->name[from];
         PM_END_NUMBERS(TAKE_END)
     }
 }

@@ -66,7 +66,7 @@ static const struct {
     const char *name, *unit;
     size_t member; // of pm_flux
 } of_end[] = {
-#define END(member, name, unit) {#name, unit, offsetof(pm_flux, member)},
+#define END(member, name, series, unit) {series, unit, offsetof(pm_flux, member)},
     PM_END_NUMBERS(END)};
 #define NSUBSYSTEM (sizeof of_subsystem / sizeof of_subsystem[0])
 #define NEND (sizeof of_end / sizeof of_end[0])

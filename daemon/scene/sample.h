@@ -1,38 +1,21 @@
 // A sample holds the state and the fluxes of one step of a run. Two tables list what is known of
 // each subsystem and of each end of a port after a step. Everything that passes these numbers on
-// goes through the tables: books, samples, reports (the message report_t) and
-// recordings. A new number of a subsystem is a line in PM_SUBSYSTEM_NUMBERS and an array of the
-// same name in report_t; the engine (sim/) then sets it in the books.
+// goes through the tables: books, samples, reports (the message report_t) and recordings. The
+// tables are made from report_t. A new number of a subsystem is an array [npart] of report_t, and
+// the engine (sim/) sets the number of the same name in the books.
 #ifndef PM_SCENE_SAMPLE_H
 #define PM_SCENE_SAMPLE_H
 
+#include "scene/report_numbers.h"
 #include "scene/scene.h"
 
-// The numbers of a subsystem after a step, with the name and the unit of the series in a recording
-// (NULL: it has none).
+// The tables, with the name and the unit of the series in a recording (NULL: it has none).
+// PM_SUBSYSTEM_NUMBERS lists the numbers of a subsystem after a step:
 //     NUMBER(type, name, series, unit)    a double or a long, a member of pm_books
 //     BULK(member, name, series, unit)    a member of pm_books.bulk
-// Columns of pm_sample and arrays of report_t have these names, too.
-#define PM_SUBSYSTEM_NUMBERS(NUMBER, BULK)                                                        \
-    NUMBER(double, energy, "E", "J")                   /* at the state after the step */          \
-    NUMBER(double, entropy, "S", "J/K")                /* likewise */                             \
-    BULK(energy, bulk_energy, "bulk_energy", "W")      /* 0 to rounding in the hard form */       \
-    BULK(entropy, bulk_entropy, "bulk_entropy", "W/K") /* production >= 0 in the hard form */     \
-    BULK(energy_gross, bulk_energy_gross, NULL, NULL)                                             \
-    BULK(entropy_gross, bulk_entropy_gross, NULL, NULL)                                           \
-    NUMBER(long, evaluated, NULL, NULL) /* graphs (exposure, bulk, ports) that were run so far */ \
-    NUMBER(long, skipped, NULL, NULL)   /* graphs that did not have to be run so far */           \
-    NUMBER(long, outside, NULL, NULL)   /* steps so far that ended outside the training range */  \
-    NUMBER(double, error, NULL, NULL)   /* largest relative error of a substep; 0: not estimated */
-
-// The numbers of an end of a port after a step: members of pm_flux. The series in a recording has
-// the name of the array of report_t, and "_a" or "_b" for the end.
-//     END(member, name, unit)    unit NULL: there is no series
-#define PM_END_NUMBERS(END)               \
-    END(energy, energy_flux, "W")         \
-    END(entropy, entropy_flux, "W/K")     \
-    END(energy_gross, energy_gross, NULL) \
-    END(entropy_gross, entropy_gross, NULL)
+// PM_END_NUMBERS lists those of an end of a port. A recording adds "_a" or "_b" for the end:
+//     END(member, name, series, unit)     a member of pm_flux
+// Columns of pm_sample and arrays of report_t are called `name`.
 
 // The fluxes through one end of a port, positive into the subsystem. Each is a mean over one step
 // with the weights of the integrator:

@@ -131,14 +131,17 @@ typedef struct forger {
     DROPS(node, flux, "chain_FLUX_link1", reason, .session = session_, .step = step_, \
           .round = round_, .time = time_of(f, step_), .nend = 1, .energy_flux = f->y, \
           .entropy_flux = f->y, .ny = 3, .y = f->y, .e = f->y, .eta = f->y)
-#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                               \
-    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,                \
-          .digest = (int64_t)f->c.f.system->digest, .time = time_of(f, step_),                   \
-          .instance = f->first, .kind = kind_, .step = step_, .npart = npart_, .energy = f->y,   \
-          .entropy = f->y, .bulk_energy = f->y, .bulk_entropy = f->y, .bulk_energy_gross = f->y, \
-          .bulk_entropy_gross = f->y, .evaluated = f->n, .skipped = f->n, .outside = f->n,       \
-          .error = f->y, .nend = nend_, .energy_flux = f->y, .entropy_flux = f->y,               \
-          .energy_gross = f->y, .entropy_gross = f->y, .nz = nz_, .z = f->y, .message = "forged")
+#define LIST_double f->y
+#define LIST_long f->n
+#define NUMBER(type, name, series, unit) .name = LIST_##type,
+#define BULK(member, name, series, unit) .name = f->y,
+#define END(member, name, series, unit) .name = f->y,
+#define REPORT(reason, session_, kind_, step_, npart_, nend_, nz_)                            \
+    DROPS(coordinator, report, "chain_REPORT_link1", reason, .session = session_,             \
+          .digest = (int64_t)f->c.f.system->digest, .time = time_of(f, step_),                \
+          .instance = f->first, .kind = kind_, .step = step_, .npart = npart_, .nend = nend_, \
+          PM_SUBSYSTEM_NUMBERS(NUMBER, BULK) PM_END_NUMBERS(END).nz = nz_, .z = f->y,         \
+          .message = "forged")
 #define DONE(reason, session_, step_) \
     REPORT(reason, session_, PORTMET_REPORT_T_DONE, step_, 1, 1, 5)
 #define WORD(reason, session_, kind_) REPORT(reason, session_, kind_, 0, 0, 0, 0)
