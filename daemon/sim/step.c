@@ -346,6 +346,7 @@ pm_books pm_local_subsystems_books(const pm_local_subsystems *local, int i) {
                       .evaluated = evaluated,
                       .skipped = calls - evaluated,
                       .outside = d->out_of_range[lane],
+                      .substeps = d->substeps,
                       .error = d->error == NULL ? 0 : d->error[lane],
                       .nflux = nflux,
                       .flux = d->books};
