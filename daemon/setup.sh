@@ -7,7 +7,7 @@ build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libgli
 
 # What the tests use besides: runs over MPI, meshes by Gmsh, a second compiler and its sanitizers, the layout.
 test_packages="libopenmpi-dev openmpi-bin libgmsh-dev clang libclang-rt-dev clang-format
-    clang-tidy python3"
+    clang-tidy python3 python3-numpy python3-scipy python3-h5py"
 
 # The folder for logs of what is installed.
 logs=build
