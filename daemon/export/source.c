@@ -29,10 +29,13 @@ extern const char *const pm_export_header_text[];
 //     potentials(z, E, S)             E [1] in J, S [1] in J/K
 //     coenergies(z, dE, dS)
 //     bulk(z, dE, dS, rate)           L dE + M dS
+//     release(z, inner, rate)         rates of the state from those of energy variables
 // The arguments of a tangent are those of its function, except that each input is followed by its
 // direction: "d_z" follows "z". The results are then the Jacobian times the direction.
 typedef struct exported_part {
     const char *potentials, *coenergies, *coenergies_tangent, *bulk, *bulk_tangent;
+    // Only of a state with co-energies. The dE and dS of others are the derivatives by the state.
+    const char *potentials_tangent, *release, *release_tangent;
 } exported_part;
 
 // The names of the functions of one port: law(y_a, e_a, eta_a, y_b, e_b, eta_b, rate_a, rate_b),
@@ -56,6 +59,7 @@ typedef struct scene_writer {
     exported_port *port;        // [nport]
     pm_scene_variables names;
     char *functions; // all functions, as text
+    bool inner;      // some state has co-energies
 } scene_writer;
 
 // --- functions ---
@@ -159,22 +163,34 @@ static pm_status write_part(scene_writer *w, FILE *file, int id) {
     const pm_part *part = w->setup->system->part[id];
     const int nz = part->layout.nz;
     const char *owner = pm_arena_printf(&w->arena, "part_%s", w->scene->physics.subsystem[id].name);
-    blueprint b[3] = {0};
-    pm_node z[3], dE, dS, degeneracy = PM_NO_NODE;
+    blueprint b[4] = {0};
+    pm_node z[4], dE, dS, degeneracy = PM_NO_NODE;
     pm_status status;
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 4; ++i) {
         PM_TRY_DONE(pm_graph_open(&b[i].g));
         z[i] = pm_input(b[i].g, true, 1, nz);
         add_input(&b[i], "z", z[i], nz);
     }
     add_output(&b[0], "E", pm_part_energy(b[0].g, part, z[0]), 1);
     add_output(&b[0], "S", pm_part_entropy(b[0].g, part, z[0]), 1);
-    PM_TRY_DONE(write_function(w, file, &b[0], owner, "potentials", &w->part[id].potentials));
+    exported_part *names = &w->part[id];
+    if (pm_part_has_coenergies(part)) {
+        w->inner = true;
+        PM_TRY_DONE(write_both(w, file, &b[0], owner, "potentials", &names->potentials,
+                               &names->potentials_tangent));
+        const pm_node inner = pm_input(b[3].g, true, 1, nz);
+        add_input(&b[3], "inner", inner, nz);
+        add_output(&b[3], "rate", pm_part_release(b[3].g, part, z[3], inner), nz);
+        PM_TRY_DONE(
+            write_both(w, file, &b[3], owner, "release", &names->release, &names->release_tangent));
+    } else {
+        PM_TRY_DONE(write_function(w, file, &b[0], owner, "potentials", &names->potentials));
+    }
     pm_part_coenergies(b[1].g, part, PM_NO_NODE, z[1], &dE, &dS);
     add_output(&b[1], "dE", dE, nz);
     add_output(&b[1], "dS", dS, nz);
-    PM_TRY_DONE(write_both(w, file, &b[1], owner, "coenergies", &w->part[id].coenergies,
-                           &w->part[id].coenergies_tangent));
+    PM_TRY_DONE(write_both(w, file, &b[1], owner, "coenergies", &names->coenergies,
+                           &names->coenergies_tangent));
     const bool has_dS = dS != PM_NO_NODE;
     dE = pm_input(b[2].g, true, 1, nz);
     dS = has_dS ? pm_input(b[2].g, true, 1, nz) : PM_NO_NODE;
@@ -183,11 +199,10 @@ static pm_status write_part(scene_writer *w, FILE *file, int id) {
         add_input(&b[2], "dE", dE, nz);
         add_input(&b[2], "dS", dS, nz);
         add_output(&b[2], "rate", rate, nz);
-        status =
-            write_both(w, file, &b[2], owner, "bulk", &w->part[id].bulk, &w->part[id].bulk_tangent);
+        status = write_both(w, file, &b[2], owner, "bulk", &names->bulk, &names->bulk_tangent);
     }
 done:
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 4; ++i) {
         pm_graph_close(b[i].g);
     }
     return status;
@@ -294,6 +309,22 @@ static void write_end(FILE *file, const scene_writer *w, const pm_scene_port *po
     }
 }
 
+// Writes the release of the rates of one subsystem, whose states begin at number i.
+static void write_release_of(FILE *file, const exported_part *f, int i, int nz, bool tangent) {
+    if (f->release == NULL) {
+        return;
+    }
+    if (!tangent) {
+        fprintf(file, "    memcpy(inner + %d, rate + %d, %d * sizeof *z);\n", i, i, nz);
+        fprintf(file, "    %s(z + %d, inner + %d, rate + %d);\n", f->release, i, i, i);
+        return;
+    }
+    fprintf(file, "    {\n        double d_inner[%d];\n", nz);
+    fprintf(file, "        memcpy(d_inner, d_rate + %d, sizeof d_inner);\n", i);
+    fprintf(file, "        %s(z + %d, d_z + %d, inner + %d, d_inner, d_rate + %d);\n    }\n",
+            f->release_tangent, i, i, i, i);
+}
+
 // Writes the body of evaluate() or of its tangent.
 static void write_rates(FILE *file, const void *context) {
     const section *s = context;
@@ -360,6 +391,8 @@ static void write_rates(FILE *file, const void *context) {
                 }
             }
         }
+        write_release_of(file, &w->part[id], physics->subsystem[id].first,
+                         physics->subsystem[id].layout.nz, tangent);
     }
 }
 
@@ -372,7 +405,10 @@ static void write_outputs(FILE *file, const void *context) {
     const bool tangent = *s->d != '\0';
     for (int i = 0; i < physics->nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &physics->subsystem[i];
-        if (tangent) { // the sums of dE d_z and dS d_z
+        if (tangent && w->part[i].potentials_tangent != NULL) {
+            fprintf(file, "    %s(z + %d, d_z + %d, d_energy + %d, d_entropy + %d);\n",
+                    w->part[i].potentials_tangent, subsystem->first, subsystem->first, i, i);
+        } else if (tangent) { // the sums of dE d_z and dS d_z
             fprintf(file,
                     "    for (int i = %d; i < %d; ++i) {\n"
                     "        d_energy[%d] += dE[i] * d_z[i];\n"
@@ -425,13 +461,14 @@ static void write_combination(FILE *file, int n, const double *weight, const cha
 }
 
 static void write_substep(FILE *file, const void *context) {
-    const pm_integrator *rk = context;
+    const scene_writer *w = context;
+    const pm_integrator *rk = w->scene->physics.integrator;
     for (int stage = 0; stage < rk->nstage; ++stage) {
         if (stage > 0) {
             write_combination(file, stage, rk->a[stage], "next");
         }
-        fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port);\n",
-                stage == 0 ? "z" : "next", stage);
+        fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port%s);\n",
+                stage == 0 ? "z" : "next", stage, w->inner ? ", inner" : "");
     }
     write_combination(file, rk->nstage, rk->b, "z");
 }
@@ -556,7 +593,11 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%RATES_TANGENT%", .write = write_rates, .context = &tangent},
         {"%OUTPUTS%", .write = write_outputs, .context = &plain},
         {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
-        {"%SUBSTEP%", .write = write_substep, .context = rk},
+        {"%SUBSTEP%", .write = write_substep, .context = &w},
+        {"%INNER_RESULT%", .text = w.inner ? ", double *inner" : ""},
+        {"%INNER_ARGUMENT%", .text = w.inner ? ", const double *inner" : ""},
+        {"%INNER_ROOM%", .text = w.inner ? "inner[STATES], " : ""},
+        {"%INNER%", .text = w.inner ? ", inner" : ""},
         {"%INITIAL%", .write = write_numbers, .context = &initial},
         {"%FIRST_INPUT%", .write = write_numbers, .context = &first_input},
         {"%H%", .write = write_numbers, .context = &h},

@@ -161,7 +161,8 @@ bool pm_contact_bound_build(pm_graph *g, const pm_part *part, pm_node z, pm_node
     pm_node radius[PM_MAX_SYMBOLS], values[MOST_SUMS], spreads[MOST_SUMS];
     int count = 0;
     bool any = false;
-    for (int i = 0; i < part->layout.ngroup && part->spec.form != PM_FREE; ++i) {
+    const bool bounded = part->spec.form != PM_FREE && !pm_part_has_coenergies(part);
+    for (int i = 0; i < part->layout.ngroup && bounded; ++i) {
         const pm_group *group = &part->layout.group[i];
         bool depends = false, otherwise = false;
         for (int p = 0; p < 2; ++p) {

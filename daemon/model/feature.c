@@ -15,6 +15,7 @@
 // of 2 of each other, and below 1e-10 within a factor of 20.
 #define MEAN_STEPS 4
 #define MEAN_TERMS 6
+#define HALVINGS 8 // of an angle, so that the series begins at less than 0.01 for |h| < 2.5
 
 static pm_node norm_squared(pm_graph *g, pm_node x) {
     return pm_dot(g, x, x);
@@ -158,6 +159,37 @@ static void discrete_negative_norm(pm_graph *g, pm_node weight, pair x, pair y, 
         g, *dx, pm_mul(g, weight, pm_div(g, pm_negative_squared_slope(g, x.from, x.to), lengths)));
 }
 
+// The divided difference is the derivative in the middle times sin(h)/h with h = (b - a)/2. Viete's
+// product of cos(h/2^k) gives the latter also at h = 0; what is left of it after HALVINGS factors
+// is a short series.
+pm_node pm_trigonometric_difference(pm_graph *g, bool sine, pm_node a, pm_node b) {
+    pm_node h = pm_scale(g, pm_sub(g, b, a), 0.5);
+    const pm_node middle = pm_scale(g, pm_add(g, a, b), 0.5);
+    pm_node slope = sine ? pm_cos(g, middle) : pm_scale(g, pm_sin(g, middle), -1);
+    for (int k = 0; k < HALVINGS; ++k) {
+        h = pm_scale(g, h, 0.5);
+        slope = pm_mul(g, slope, pm_cos(g, h));
+    }
+    const pm_node square = pm_square(g, h);
+    const pm_node series =
+        pm_offset(g, pm_mul(g, square, pm_offset(g, pm_scale(g, square, 1.0 / 120), -1.0 / 6)), 1);
+    return pm_mul(g, slope, series);
+}
+
+#define TRIGONOMETRIC(FUNCTION, SINE)                                                         \
+    static pm_node build_##FUNCTION(pm_graph *g, pm_node x, pm_node y) {                      \
+        (void)y;                                                                              \
+        return pm_##FUNCTION(g, x);                                                           \
+    }                                                                                         \
+    static void discrete_##FUNCTION(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx, \
+                                    pm_node *dy) {                                            \
+        (void)y, (void)dy;                                                                    \
+        const pm_node slope = pm_trigonometric_difference(g, SINE, x.from, x.to);             \
+        *dx = pm_add_or(g, *dx, pm_mul(g, weight, slope));                                    \
+    }
+TRIGONOMETRIC(sin, true)
+TRIGONOMETRIC(cos, false)
+
 // The text around and between the names. In the table a longer form stands before its prefixes.
 typedef struct feature_form {
     const char *before, *between, *after; // between: NULL for one name
@@ -174,6 +206,8 @@ static const feature_form forms[] = {
     {"|", NULL, "|^2", true, build_norm_squared, discrete_norm_squared},
     {"|", NULL, "|", true, build_norm, discrete_norm},
     {"<", ",", ">", true, build_product, discrete_product},
+    {"sin(", NULL, ")", false, build_sin, discrete_sin},
+    {"cos(", NULL, ")", false, build_cos, discrete_cos},
     {"", "/|", "|^2", false, build_inverse, NULL},
     {"", "/|", "|", false, build_direction, NULL},
     {"", NULL, "", false, build_raw, discrete_raw},
@@ -252,8 +286,8 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
         return PM_OK;
     }
     return pm_fail(PM_ECONFIG,
-                   "feature \"%s\": expected x, |x|, ln|x|, |x|^2, <x,y>, |min(x,0)|, "
-                   "|min(x,0)|^2, x/|x| or x/|x|^2",
+                   "feature \"%s\": expected x, |x|, ln|x|, |x|^2, <x,y>, sin(x), cos(x), "
+                   "|min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
                    expression);
 }
 

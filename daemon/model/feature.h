@@ -4,6 +4,7 @@
 //   |x|  ln|x|  |x|^2  <x,y>   one number, invariant under rotations
 //   |min(x,0)|  |min(x,0)|^2   the length of the negative components of x: zero, with a zero slope,
 //                              while no component is negative
+//   sin(x)  cos(x)             of each component of x, an angle in rad
 //   x/|x|  x/|x|^2             vectors along x
 // The names are those of groups, with a prefix where there are two ends ("a.q"), and of co-energies
 // ("dE.s", "a.dE.s"). A new expression is one line in the table of feature.c.
@@ -50,8 +51,8 @@ pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *
 
 // --- discrete derivatives, between two states ---
 
-// Returns true if every expression of the list has a discrete derivative. Scalar expressions and x
-// itself have one; x/|x| and x/|x|^2 have none.
+// Returns true if every expression of the list has a discrete derivative. Scalar expressions, x
+// itself, sin(x) and cos(x) have one; x/|x| and x/|x|^2 have none.
 bool pm_features_are_discrete(int count, const char *const *expression);
 
 // Adds to covector[i] [1][size of symbol i] (PM_NO_NODE: zero so far) the discrete derivative of
@@ -66,6 +67,9 @@ void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
 // [1][1]. It is accurate also where a = b. The result is the divided difference of ln between a and
 // b; its reciprocal is the divided difference of exp between ln a and ln b.
 pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b);
+
+// Returns the divided difference of sin or cos, component by component, between a and b.
+pm_node pm_trigonometric_difference(pm_graph *g, bool sine, pm_node a, pm_node b);
 
 // Returns the sum [1][1] of the squares of the negative components of x [1][n].
 pm_node pm_negative_squared(pm_graph *g, pm_node x);

@@ -9,7 +9,6 @@
 
 #include "model/formula_steps.h"
 
-#define HALVINGS 8   // of an angle, so that the series begins at less than 0.01 for |h| < 2.5
 #define MAX_DEPTH 32 // brackets and signs within one another
 #define MAX_WHOLE 16 // largest integer exponent that becomes products
 
@@ -459,23 +458,6 @@ static pm_node mean(pm_graph *g, pm_node from, pm_node to) {
     return pm_scale(g, pm_add(g, from, to), 0.5);
 }
 
-// Returns the divided difference of sin or cos between a and b, which is that function's derivative
-// in the middle times sin(h)/h with h = (b - a)/2. Viete's product of cos(h/2^k) gives the latter
-// also at h = 0; what is left of it after HALVINGS factors is a short series.
-static pm_node trigonometric_difference(pm_graph *g, pm_step_kind kind, pm_node a, pm_node b) {
-    pm_node h = pm_scale(g, pm_sub(g, b, a), 0.5);
-    const pm_node middle = mean(g, a, b);
-    pm_node slope = kind == PM_STEP_SIN ? pm_cos(g, middle) : pm_scale(g, pm_sin(g, middle), -1);
-    for (int k = 0; k < HALVINGS; ++k) {
-        h = pm_scale(g, h, 0.5);
-        slope = pm_mul(g, slope, pm_cos(g, h));
-    }
-    const pm_node square = pm_square(g, h);
-    const pm_node series =
-        pm_offset(g, pm_mul(g, square, pm_offset(g, pm_scale(g, square, 1.0 / 120), -1.0 / 6)), 1);
-    return pm_mul(g, slope, series);
-}
-
 // Computes the slopes of a step between two states: change = slope[0] change_a + slope[1] change_b.
 static void divided_difference(pm_graph *g, const pm_step *s, pm_node own_from, pm_node own_to,
                                const pm_node *from, const pm_node *to, pm_node slope[2]) {
@@ -509,7 +491,7 @@ static void divided_difference(pm_graph *g, const pm_step *s, pm_node own_from, 
         break;
     case PM_STEP_SIN:
     case PM_STEP_COS:
-        slope[0] = trigonometric_difference(g, s->kind, a_from, a_to);
+        slope[0] = pm_trigonometric_difference(g, s->kind == PM_STEP_SIN, a_from, a_to);
         break;
     case PM_STEP_NEGATIVE_SQUARED:
         slope[0] = pm_negative_squared_slope(g, a_from, a_to);

@@ -6,15 +6,25 @@
 #include "base/unit.h"
 #include "model/spec.h"
 
-pm_role pm_role_of(const char *unit) {
-    const pm_unit entropy = pm_unit_parse("J/K"), own = pm_unit_parse(unit);
-    return pm_unit_equal(&entropy, &own) ? PM_ROLE_ENTROPY : PM_ROLE_OTHER;
+// Returns the role of a group whose entropies would have the unit `entropy`.
+static pm_role role_of(const char *unit, const char *entropy) {
+    const pm_unit of_entropy = pm_unit_parse(entropy), own = pm_unit_parse(unit);
+    return pm_unit_equal(&of_entropy, &own) ? PM_ROLE_ENTROPY : PM_ROLE_OTHER;
 }
 
 void pm_layout_add(pm_layout *layout, const char *name, const char *unit, int size) {
-    layout->group[layout->ngroup++] = (pm_group){
-        .name = name, .unit = unit, .size = size, .first = layout->nz, .role = pm_role_of(unit)};
+    layout->group[layout->ngroup++] = (pm_group){.name = name,
+                                                 .unit = unit,
+                                                 .size = size,
+                                                 .first = layout->nz,
+                                                 .role = role_of(unit, "J/K")};
     layout->nz += size;
+}
+
+void pm_layout_mark_coenergy(pm_layout *layout) {
+    pm_group *group = &layout->group[layout->ngroup - 1];
+    group->coenergy = true;
+    group->role = role_of(group->unit, "K");
 }
 
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name) {
@@ -27,7 +37,8 @@ const pm_group *pm_layout_find(const pm_layout *layout, const char *name) {
 }
 
 bool pm_group_equal(const pm_group *a, const pm_group *b) {
-    return strcmp(a->name, b->name) == 0 && strcmp(a->unit, b->unit) == 0 && a->size == b->size;
+    return strcmp(a->name, b->name) == 0 && strcmp(a->unit, b->unit) == 0 && a->size == b->size &&
+           a->coenergy == b->coenergy;
 }
 
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b) {
@@ -48,6 +59,9 @@ uint64_t pm_layout_digest(const pm_layout *layout, uint64_t digest) {
         digest = pm_digest_text(digest, layout->group[i].name);
         digest = pm_digest_text(digest, layout->group[i].unit);
         digest = pm_digest_integer(digest, layout->group[i].size);
+        if (layout->group[i].coenergy) {
+            digest = pm_digest_text(digest, "coenergy");
+        }
     }
     return digest;
 }

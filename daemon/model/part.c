@@ -12,6 +12,7 @@
 #include "model/unstructured_rate.h"
 
 #define MOST_DERIVED_NUMBERS 10000000 // of a matrix, which then takes 80 MB
+#define MOST_COUPLED 16               // components of co-energies that C may couple
 
 // --- derived variables ---
 //
@@ -200,8 +201,8 @@ typedef struct part_kind {
 // Returns true if the spec has nothing but its form, and what is not listed here.
 static bool is_bare(const pm_part_spec *spec) {
     return spec->nderived == 0 && !pm_potential_exists(&spec->energy) &&
-           !pm_potential_exists(&spec->entropy) && !pm_operator_exists(&spec->reversible) &&
-           !pm_operator_exists(&spec->irreversible);
+           !pm_potential_exists(&spec->entropy) && !pm_potential_exists(&spec->coenergy) &&
+           !pm_operator_exists(&spec->reversible) && !pm_operator_exists(&spec->irreversible);
 }
 
 static pm_status check_graph(const pm_part_spec *spec) {
@@ -211,15 +212,81 @@ static pm_status check_graph(const pm_part_spec *spec) {
                    : pm_fail(
                          PM_ECONFIG,
                          "form: free has a rate and nothing else: no derived variables, energy, "
-                         "entropy, reversible or irreversible operator");
+                         "coenergy, entropy, reversible or irreversible operator");
     }
-    if (!pm_potential_exists(&spec->energy)) {
+    if (!pm_potential_exists(&spec->energy) && !pm_potential_exists(&spec->coenergy)) {
         return pm_fail(PM_ECONFIG, "a subsystem needs an energy");
     }
     if (pm_operator_exists(&spec->irreversible) && !pm_potential_exists(&spec->entropy)) {
         return pm_fail(PM_ECONFIG, "an irreversible operator needs an entropy");
     }
     return PM_OK;
+}
+
+// Returns true if C depends on a group through heat capacities alone, if at all: each component of
+// its energy variable then depends on the same component of the group and on nothing else.
+static bool is_separate(const pm_part *part, const char *group) {
+    pm_potential_spec others = part->spec.coenergy;
+    others.nconvex = 0;
+    bool coupled = pm_part_depends(part, &others, group);
+    for (int i = 0; i < part->spec.coenergy.nconvex; ++i) {
+        const pm_convex_spec *convex = &part->spec.coenergy.convex[i];
+        const pm_potential_spec alone = {.nconvex = 1, .convex = convex};
+        coupled =
+            coupled || (convex->kind == PM_CONVEX_INERTIA && pm_part_depends(part, &alone, group));
+    }
+    return !coupled;
+}
+
+// Checks that C depends on all co-energies and that nothing else does, but the entropy by its
+// linear form, which stands for the energy variables.
+static pm_status check_coenergies(const pm_part *part) {
+    const pm_part_spec *spec = &part->spec;
+    pm_potential_spec beside = spec->entropy; // what the entropy has beside its linear form
+    int coupled = 0;
+    bool some = false;
+    beside.ngiven = 0;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        const pm_group *group = &part->layout.group[i];
+        some = some || group->coenergy;
+        if (!group->coenergy) {
+            continue;
+        }
+        if (!pm_part_depends(part, &spec->coenergy, group->name)) {
+            return pm_spec_locate(
+                spec->at,
+                pm_fail(PM_ECONFIG,
+                        "the scene shows the group %s by its co-energy: expected a model whose "
+                        "`coenergy` depends on %s",
+                        group->name, group->name));
+        }
+        if (pm_part_depends(part, &spec->energy, group->name) ||
+            pm_part_depends(part, &beside, group->name)) {
+            return pm_spec_locate(
+                spec->at, pm_fail(PM_ECONFIG,
+                                  "the group %s is shown by its co-energy: only `coenergy` and the "
+                                  "linear form of the entropy may name it",
+                                  group->name));
+        }
+        coupled += is_separate(part, group->name) ? 0 : group->size;
+    }
+    if (coupled > MOST_COUPLED) {
+        return pm_spec_locate(spec->at,
+                              pm_fail(PM_ECONFIG,
+                                      "`coenergy` couples %d components, at most %d are possible",
+                                      coupled, MOST_COUPLED));
+    }
+    if (spec->coenergy.nterm > 0 || spec->coenergy.ngiven > 0 || spec->energy.nconvex > 0 ||
+        spec->entropy.nconvex > 0) {
+        return pm_spec_locate(
+            spec->at, pm_fail(PM_ECONFIG, "inertias and capacities belong to `coenergy`, which has "
+                                          "nothing but these and formulas"));
+    }
+    return some || !pm_potential_exists(&spec->coenergy)
+               ? PM_OK
+               : pm_spec_locate(spec->at,
+                                pm_fail(PM_ECONFIG, "`coenergy` needs a group of the scene with "
+                                                    "`coenergy: true`"));
 }
 
 static pm_status declare_graph(pm_part *part) {
@@ -235,6 +302,8 @@ static pm_status declare_graph(pm_part *part) {
     const pm_symbols symbols = pm_part_symbols(part, NULL, PM_NO_NODE);
     PM_TRY(pm_potential_declare(&part->spec.energy, &symbols, &part->params, "energy"));
     PM_TRY(pm_potential_declare(&part->spec.entropy, &symbols, &part->params, "entropy"));
+    PM_TRY(pm_potential_declare(&part->spec.coenergy, &symbols, &part->params, "coenergy"));
+    PM_TRY(check_coenergies(part));
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_operator_declare(&L, &site, &part->params));
     return pm_operator_declare(&M, &site, &part->params);
@@ -243,8 +312,8 @@ static pm_status declare_graph(pm_part *part) {
 static pm_status check_solid(const pm_part_spec *spec) {
     return spec->form == PM_HARD && is_bare(spec)
                ? PM_OK
-               : pm_fail(PM_ECONFIG, "a solid is hard, and has no energy, entropy, operators or "
-                                     "derived variables beside it");
+               : pm_fail(PM_ECONFIG, "a solid is hard, and has no energy, coenergy, entropy, "
+                                     "operators or derived variables beside it");
 }
 
 static pm_status declare_solid(pm_part *part) {
@@ -288,23 +357,196 @@ bool pm_part_depends(const pm_part *part, const pm_potential_spec *potential, co
     return depends;
 }
 
+// --- co-energies ---
+
+// A state with co-energies. The symbols of its groups come first, in the order of the layout. The
+// energy variable of group i is x[i]; PM_NO_NODE if the group is one itself.
+typedef struct shown_state {
+    pm_symbols symbols;
+    pm_node C; // [1][1]
+    pm_node x[PM_MAX_GROUPS];
+} shown_state;
+
+bool pm_part_has_coenergies(const pm_part *part) {
+    bool some = false;
+    for (int i = 0; i < part->layout.ngroup && part->spec.form != PM_FREE; ++i) {
+        some = some || part->layout.group[i].coenergy;
+    }
+    return some;
+}
+
+static void group_nodes(const shown_state *s, const pm_part *part, pm_node *node) {
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        node[i] = s->symbols.symbol[i].node;
+    }
+}
+
+static void build_shown(pm_graph *g, const pm_part *part, pm_node z, shown_state *s) {
+    pm_node group[PM_MAX_GROUPS];
+    s->symbols = pm_part_symbols(part, g, z);
+    s->C = pm_potential_build(g, &part->spec.coenergy, &s->symbols, &part->params, "coenergy");
+    group_nodes(s, part, group);
+    pm_gradient(g, s->C, PM_NO_NODE, part->layout.ngroup, group, s->x);
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        s->x[i] = part->layout.group[i].coenergy ? s->x[i] : PM_NO_NODE;
+    }
+}
+
+// Returns the groups side by side [1][nz]; PM_NO_NODE is zero, and all together are.
+static pm_node join_groups(pm_graph *g, const pm_part *part, const pm_node *node) {
+    pm_node side[PM_MAX_GROUPS];
+    bool some = false;
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        const pm_shape shape = {true, 1, part->layout.group[i].size};
+        some = some || node[i] != PM_NO_NODE;
+        side[i] = node[i] == PM_NO_NODE ? pm_constant(g, 0, 1, shape.cols)
+                                        : pm_broadcast_to(g, node[i], shape);
+    }
+    return some ? pm_concat(g, part->layout.ngroup, side) : PM_NO_NODE;
+}
+
+pm_node pm_part_energy_variables(pm_graph *g, const pm_part *part, pm_node z) {
+    if (!pm_part_has_coenergies(part)) {
+        return z;
+    }
+    shown_state s;
+    pm_node group[PM_MAX_GROUPS];
+    build_shown(g, part, z, &s);
+    group_nodes(&s, part, group);
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        group[i] = part->layout.group[i].coenergy ? s.x[i] : group[i];
+    }
+    return join_groups(g, part, group);
+}
+
+// Returns V - C.
+static pm_node free_of(pm_graph *g, const pm_part *part, const shown_state *s) {
+    const pm_node V =
+        pm_potential_build(g, &part->spec.energy, &s->symbols, &part->params, "energy");
+    return V == PM_NO_NODE ? pm_scale(g, s->C, -1) : pm_sub(g, V, s->C);
+}
+
+// Returns a - l b, where PM_NO_NODE is zero.
+static pm_node subtract(pm_graph *g, pm_node a, pm_node l, pm_node b) {
+    if (l == PM_NO_NODE || b == PM_NO_NODE) {
+        return a;
+    }
+    const pm_node product = pm_mul(g, l, b);
+    return a == PM_NO_NODE ? pm_scale(g, product, -1) : pm_sub(g, a, product);
+}
+
+// Solves the symmetric positive definite system H x = r for n unknowns by an unrolled L D L^T
+// factorisation (Golub, van Loan, Matrix Computations, 4.1.2), and replaces each r by x. The lower
+// triangle of H is at matrix[i * n + j], j <= i; every node is [1][1], and PM_NO_NODE is zero,
+// which takes no operations. The matrix is overwritten.
+static void solve(pm_graph *g, int n, pm_node *matrix, pm_node *r) {
+    for (int k = 0; k < n; ++k) {
+        for (int i = k + 1; i < n; ++i) {
+            const pm_node below = matrix[i * n + k];
+            if (below == PM_NO_NODE) {
+                continue;
+            }
+            matrix[i * n + k] = pm_div(g, below, matrix[k * n + k]); // of L
+            for (int j = k + 1; j <= i; ++j) {
+                matrix[i * n + j] = subtract(g, matrix[i * n + j], below, matrix[j * n + k]);
+            }
+            r[i] = subtract(g, r[i], matrix[i * n + k], r[k]);
+        }
+    }
+    for (int k = n - 1; k >= 0; --k) {
+        r[k] = pm_div(g, r[k], matrix[k * n + k]);
+        for (int i = k + 1; i < n; ++i) {
+            r[k] = subtract(g, r[k], matrix[i * n + k], r[i]);
+        }
+    }
+}
+
+pm_node pm_part_release(pm_graph *g, const pm_part *part, pm_node z, pm_node rate) {
+    if (rate == PM_NO_NODE || !pm_part_has_coenergies(part)) {
+        return rate;
+    }
+    const pm_layout *layout = &part->layout;
+    shown_state s;
+    pm_node group[PM_MAX_GROUPS], own[PM_MAX_GROUPS];
+    pm_node matrix[MOST_COUPLED * MOST_COUPLED], r[MOST_COUPLED];
+    int unknown[PM_MAX_GROUPS], n = 0;
+    build_shown(g, part, z, &s);
+    group_nodes(&s, part, group);
+    for (int i = 0; i < layout->ngroup; ++i) {
+        own[i] = pm_slice(g, rate, layout->group[i].first, layout->group[i].size);
+        unknown[i] = -1;
+        if (layout->group[i].coenergy && !is_separate(part, layout->group[i].name)) {
+            unknown[i] = n;
+            n += layout->group[i].size;
+        }
+    }
+    for (int i = 0; i < MOST_COUPLED * MOST_COUPLED; ++i) {
+        matrix[i] = PM_NO_NODE;
+    }
+    // The rows of C_yy, and the right-hand sides xdot - C_yq qdot.
+    for (int i = 0; i < layout->ngroup; ++i) {
+        for (int c = 0; c < layout->group[i].size && unknown[i] >= 0; ++c) {
+            const int at = unknown[i] + c;
+            pm_node slope[PM_MAX_GROUPS];
+            pm_gradient(g, pm_slice(g, s.x[i], c, 1), PM_NO_NODE, layout->ngroup, group, slope);
+            r[at] = pm_slice(g, own[i], c, 1);
+            for (int k = 0; k < layout->ngroup; ++k) {
+                for (int d = 0; slope[k] != PM_NO_NODE && d < layout->group[k].size; ++d) {
+                    if (unknown[k] >= 0) {
+                        matrix[at * n + unknown[k] + d] = pm_slice(g, slope[k], d, 1);
+                    }
+                }
+                if (slope[k] != PM_NO_NODE && unknown[k] < 0) {
+                    r[at] = pm_sub(g, r[at], pm_dot(g, slope[k], own[k]));
+                }
+            }
+        }
+    }
+    solve(g, n, matrix, r);
+    for (int i = 0; i < layout->ngroup; ++i) {
+        if (unknown[i] >= 0) {
+            own[i] = pm_concat(g, layout->group[i].size, &r[unknown[i]]);
+        } else if (layout->group[i].coenergy) { // C_yy is diagonal, and C_yq is zero
+            pm_node slope;
+            pm_gradient(g, s.x[i], PM_NO_NODE, 1, &group[i], &slope);
+            own[i] = pm_div(g, own[i], slope);
+        }
+    }
+    return join_groups(g, part, own);
+}
+
+// --- potentials ---
+
 pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z) {
     if (!pm_part_has_energy(part)) {
         return pm_constant(g, 0, 1, 1);
+    }
+    if (pm_part_has_coenergies(part)) {
+        shown_state s;
+        build_shown(g, part, z, &s);
+        pm_node E = free_of(g, part, &s);
+        for (int i = 0; i < part->layout.ngroup; ++i) {
+            E = s.x[i] == PM_NO_NODE ? E
+                                     : pm_add(g, E, pm_dot(g, s.symbols.symbol[i].node, s.x[i]));
+        }
+        return E;
     }
     const pm_symbols symbols = pm_part_symbols(part, g, z);
     return pm_potential_build(g, &part->spec.energy, &symbols, &part->params, "energy");
 }
 
 pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
-    const pm_symbols symbols = pm_part_symbols(part, g, z);
+    // Of co-energies, the entropy names the energy variables alone (check_coenergies).
+    const pm_node own =
+        pm_potential_exists(&part->spec.entropy) ? pm_part_energy_variables(g, part, z) : z;
+    const pm_symbols symbols = pm_part_symbols(part, g, own);
     return pm_potential_build(g, &part->spec.entropy, &symbols, &part->params, "entropy");
 }
 
 bool pm_part_is_discrete(const pm_part *part) {
     return kinds[pm_part_kind_of(part)].is_discrete ||
            (pm_potential_is_discrete(&part->spec.energy) &&
-            pm_potential_is_discrete(&part->spec.entropy));
+            pm_potential_is_discrete(&part->spec.entropy) && !pm_part_has_coenergies(part));
 }
 
 static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spec *spec,
@@ -328,9 +570,28 @@ static pm_node discrete(pm_graph *g, const pm_part *part, const pm_potential_spe
 
 void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
                         pm_node *dS) {
+    const pm_potential_spec *entropy = &part->spec.entropy;
+    const int ngroup = part->layout.ngroup;
+    if (pm_part_has_coenergies(part)) {
+        assert(z_from == PM_NO_NODE);
+        shown_state s;
+        pm_node group[PM_MAX_GROUPS], of_energy[PM_MAX_GROUPS], of_entropy[PM_MAX_GROUPS];
+        build_shown(g, part, z_to, &s);
+        group_nodes(&s, part, group);
+        pm_gradient(g, free_of(g, part, &s), PM_NO_NODE, ngroup, group, of_energy);
+        // The linear form stands for the energy variables; all else depends on other groups alone.
+        pm_gradient(g, pm_potential_build(g, entropy, &s.symbols, &part->params, "entropy"),
+                    PM_NO_NODE, ngroup, group, of_entropy);
+        for (int i = 0; i < ngroup; ++i) {
+            of_energy[i] = part->layout.group[i].coenergy ? group[i] : of_energy[i];
+        }
+        *dE = join_groups(g, part, of_energy);
+        *dS = join_groups(g, part, of_entropy);
+        return;
+    }
     if (z_from != PM_NO_NODE) {
         *dE = discrete(g, part, &part->spec.energy, "energy", z_from, z_to);
-        *dS = discrete(g, part, &part->spec.entropy, "entropy", z_from, z_to);
+        *dS = discrete(g, part, entropy, "entropy", z_from, z_to);
         return;
     }
     pm_gradient(g, pm_part_energy(g, part, z_to), PM_NO_NODE, 1, &z_to, dE);
@@ -374,6 +635,7 @@ pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE,
     const pm_operator L = reversible(part), M = irreversible(part);
     PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));
     PM_TRY(pm_potential_visit(&part->spec.entropy, &site.symbols, "entropy", visit, context));
+    PM_TRY(pm_potential_visit(&part->spec.coenergy, &site.symbols, "coenergy", visit, context));
     PM_TRY(pm_operator_visit(&L, &site, visit, context));
     return pm_operator_visit(&M, &site, visit, context);
 }

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "model/convex.h"
+#include "model/site.h"
 #include "model/thermal.h"
 
 // The square of the smallest change of normalised features for which a discrete slope is corrected.
@@ -32,7 +34,7 @@ static pm_node build_from(pm_graph *g, const pm_network_spec *term, pm_node feat
 }
 
 bool pm_potential_exists(const pm_potential_spec *spec) {
-    return spec->nformula > 0 || spec->ngiven > 0 || spec->nterm > 0;
+    return spec->nformula > 0 || spec->ngiven > 0 || spec->nterm > 0 || spec->nconvex > 0;
 }
 
 bool pm_potential_mentions(const pm_potential_spec *spec, const char *name) {
@@ -46,6 +48,13 @@ bool pm_potential_mentions(const pm_potential_spec *spec, const char *name) {
     for (int i = 0; i < spec->nterm; ++i) {
         for (int k = 0; k < spec->term[i].nfeature; ++k) {
             mentions = mentions || pm_feature_mentions(spec->term[i].feature[k], name);
+        }
+    }
+    for (int i = 0; i < spec->nconvex; ++i) {
+        const pm_convex_spec *convex = &spec->convex[i];
+        mentions = mentions || pm_is_listed(convex->ngroup, convex->group, name);
+        for (int k = 0; k < convex->network.nfeature; ++k) {
+            mentions = mentions || pm_feature_mentions(convex->network.feature[k], name);
         }
     }
     return mentions;
@@ -74,6 +83,9 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
         char unit[sizeof term + 8];
         snprintf(unit, sizeof unit, "%s.unit", term);
         PM_TRY(spec->term[i].scaled ? pm_params_add(params, unit, 1, 1, false, 0, 1) : PM_OK);
+    }
+    for (int i = 0; i < spec->nconvex; ++i) {
+        PM_TRY(pm_convex_declare(&spec->convex[i], i, symbols, params, prefix));
     }
     return PM_OK;
 }
@@ -104,6 +116,9 @@ pm_node pm_potential_build(pm_graph *g, const pm_potential_spec *spec, const pm_
             value = scale_term(g, network, params, term, value);
         }
         sum = pm_add_or(g, sum, value);
+    }
+    for (int i = 0; i < spec->nconvex; ++i) {
+        sum = pm_add_or(g, sum, pm_convex_build(g, &spec->convex[i], i, symbols, params, prefix));
     }
     return sum;
 }
@@ -187,6 +202,9 @@ pm_status pm_potential_visit(const pm_potential_spec *spec, const pm_symbols *sy
                                         .symbols = symbols};
             PM_TRY(visit(context, &unit));
         }
+    }
+    for (int i = 0; i < spec->nconvex; ++i) {
+        PM_TRY(pm_convex_visit(&spec->convex[i], i, symbols, prefix, visit, context));
     }
     return PM_OK;
 }

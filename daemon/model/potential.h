@@ -1,5 +1,5 @@
-// The scalar potentials E and S of equation (1). A potential is a sum of formulas, of a known
-// linear form of the state, and of networks.
+// The scalar potentials E and S of equation (1), and co-energies (part.h). A potential is a sum of
+// formulas, of a known linear form of the state, of networks, and of convex terms.
 #ifndef PM_MODEL_POTENTIAL_H
 #define PM_MODEL_POTENTIAL_H
 

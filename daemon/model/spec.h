@@ -22,6 +22,8 @@
 
 // The physical role of a group. It follows from the dimension of the unit alone: an entropy has the
 // dimension of J/K, in whatever unit (kJ/K, eV/K). Nothing else decides which group is an entropy.
+// A group that is shown by its co-energy has the role of its energy variable: if its unit has the
+// dimension of K, it is an entropy.
 typedef enum pm_role { PM_ROLE_OTHER, PM_ROLE_ENTROPY } pm_role;
 
 // A group: named components that belong together, such as a vector (position, momentum) or a
@@ -31,7 +33,10 @@ typedef struct pm_group {
     const char *unit; // e.g. "kg m/s"
     int size;         // components
     int first;        // position of its first component in the state
-    pm_role role;     // pm_role_of(unit)
+    pm_role role;
+    // The state holds the co-energy dE/dx, which a sensor shows, in place of the energy variable x:
+    // a velocity in place of a momentum, a temperature in place of an entropy (part.h).
+    bool coenergy;
 } pm_group;
 
 // A list of at most PM_MAX_GROUPS groups. A copy of a layout refers to the same groups.
@@ -41,18 +46,19 @@ typedef struct pm_layout {
     int nz;          // components in all
 } pm_layout;
 
-// Returns the role of a group with this unit (base/unit.h).
-pm_role pm_role_of(const char *unit);
 // Appends a group behind the others of a layout, which has room for it, and sets its role. The
 // layout borrows both texts.
 void pm_layout_add(pm_layout *layout, const char *name, const char *unit, int size);
+// Marks the last group of a layout as one that is shown by its co-energy, and sets its role anew.
+void pm_layout_mark_coenergy(pm_layout *layout);
 // Returns the group called `name`, or NULL.
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name);
-// Returns true if both have the same name, unit and size.
+// Returns true if both have the same name, unit and size, and both or neither are co-energies.
 bool pm_group_equal(const pm_group *a, const pm_group *b);
 // Returns true if both have equal groups in the same order.
 bool pm_layout_equal(const pm_layout *a, const pm_layout *b);
-// Returns `digest` (base/digest.h) with the names, units and sizes of all groups folded in.
+// Returns `digest` (base/digest.h) with the names, units and sizes of all groups folded in, and
+// with which of them are co-energies.
 uint64_t pm_layout_digest(const pm_layout *layout, uint64_t digest);
 
 // --- where a spec was read ---
@@ -145,6 +151,24 @@ typedef struct pm_network_spec {
     const char *at;     // place of the features
 } pm_network_spec;
 
+// --- convex terms ---
+
+typedef enum pm_convex_kind { PM_CONVEX_INERTIA, PM_CONVEX_CAPACITY } pm_convex_kind;
+
+// A term of a co-energy that is convex for all weights (convex.h). An inertia is shared by all
+// components of its groups, which are flows. A heat capacity belongs to each component of a group
+// of temperatures alone.
+typedef struct pm_convex_spec {
+    pm_convex_kind kind;
+    int ngroup;
+    const char *const *group; // [ngroup] one of a capacity
+    pm_network_spec network;  // of the entries of an inertia
+    int nterm;                // powers of the temperature of a capacity
+    double first; // the known inertia of the first component, or the constant term of a capacity in
+                  // J/K; 0: it is learned as the others are
+    const char *at;
+} pm_convex_spec;
+
 // --- potentials and operators ---
 
 // A potential, E or S: the sum of formulas, of a known linear form (such as an entropy variable in
@@ -158,6 +182,8 @@ typedef struct pm_potential_spec {
     const double *given_coefficient; // [ngiven] factor of each sum; NULL: all 1
     int nterm;
     const pm_network_spec *term;
+    int nconvex; // of a co-energy, which has formulas and these alone
+    const pm_convex_spec *convex;
     const char *at;
 } pm_potential_spec;
 
@@ -240,6 +266,7 @@ typedef struct pm_part_spec {
     int nderived;
     const pm_derived_spec *derived; // [nderived] that energy and entropy may name
     pm_potential_spec energy, entropy;
+    pm_potential_spec coenergy; // of the groups that are shown by their co-energies (part.h)
     pm_operator_spec reversible, irreversible;
     pm_network_spec rate; // only in the free form
     const char *at;

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "model/convex.h"
 #include "model/port.h"
 #include "model/potential.h"
 #include "model/solid/material.h"
@@ -183,8 +184,43 @@ static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *p
     return PM_OK;
 }
 
-// Reads `energy:` or `entropy:`: one summand or a list of them, each of them a formula, a linear
-// form {given: ...} or a network. A value that is absent or "none" gives no summand.
+// Reads {inertia: {...}} or {capacity: {...}}.
+static pm_status read_convex(pm_yaml item, pm_arena *arena, pm_convex_spec *convex) {
+    network_values v = {.activation = 0};
+    pm_yaml inertia, capacity, of;
+    const char **group = NULL;
+    convex->nterm = 1;
+    const pm_yaml_key item_keys[] = {
+        {PM_YAML_VALUE("inertia", &inertia)}, {PM_YAML_VALUE("capacity", &capacity)}, {0}};
+    const pm_yaml_key inertia_keys[] = {{PM_YAML_VALUE("of", &of), .required = true},
+                                        {PM_YAML_DOUBLE("first", &convex->first, DBL_MIN, DBL_MAX)},
+                                        NETWORK_KEYS(v),
+                                        {0}};
+    const pm_yaml_key capacity_keys[] = {
+        {PM_YAML_VALUE("of", &of), .required = true},
+        {PM_YAML_INT("terms", &convex->nterm, 1, PM_MAX_POWERS)},
+        {PM_YAML_DOUBLE("first", &convex->first, DBL_MIN, DBL_MAX)},
+        {0}};
+    PM_TRY(pm_yaml_read(item, arena, item_keys));
+    const bool is_inertia = pm_yaml_exists(inertia);
+    if (is_inertia == pm_yaml_exists(capacity)) {
+        return pm_yaml_fail(item, "expected either \"inertia\" or \"capacity\"");
+    }
+    const pm_yaml block = is_inertia ? inertia : capacity;
+    PM_TRY(pm_yaml_read(block, arena, is_inertia ? inertia_keys : capacity_keys));
+    PM_TRY(pm_yaml_texts(of, arena, &convex->ngroup, &group));
+    convex->kind = is_inertia ? PM_CONVEX_INERTIA : PM_CONVEX_CAPACITY;
+    convex->group = group;
+    convex->at = pm_yaml_where(block, arena);
+    if (convex->ngroup < 1 || (!is_inertia && convex->ngroup > 1)) {
+        return pm_yaml_fail(of, "expected %s", is_inertia ? "at least one group" : "one group");
+    }
+    return is_inertia ? make_network(&v, block, arena, &convex->network) : PM_OK;
+}
+
+// Reads `energy:`, `coenergy:` or `entropy:`: one summand or a list of them, each of them a
+// formula, a linear form {given: ...}, a network or a convex term. A value that is absent or "none"
+// gives no summand.
 static pm_status read_potential(pm_yaml value, const context *r, pm_potential_spec *potential) {
     *potential = (pm_potential_spec){0};
     if (is_none(value)) {
@@ -193,7 +229,9 @@ static pm_status read_potential(pm_yaml value, const context *r, pm_potential_sp
     const int count = pm_yaml_is_list(value) ? pm_yaml_count(value) : 1;
     pm_network_spec *term = pm_arena_array(r->arena, (size_t)count, sizeof *term);
     pm_formula *formula = pm_arena_array(r->arena, (size_t)count, sizeof *formula);
+    pm_convex_spec *convex = pm_arena_array(r->arena, (size_t)count, sizeof *convex);
     potential->at = pm_yaml_where(value, r->arena);
+    potential->convex = convex;
     potential->term = term;
     potential->formula = formula;
     PM_TRY(check_memory(r->arena));
@@ -202,6 +240,9 @@ static pm_status read_potential(pm_yaml value, const context *r, pm_potential_sp
         pm_yaml given = pm_yaml_get(item, "given");
         if (!pm_yaml_is_map(item)) {
             PM_TRY(read_formula(item, r, &formula[potential->nformula++]));
+        } else if (pm_yaml_exists(pm_yaml_get(item, "inertia")) ||
+                   pm_yaml_exists(pm_yaml_get(item, "capacity"))) {
+            PM_TRY(read_convex(item, r->arena, &convex[potential->nconvex++]));
         } else if (!pm_yaml_exists(given)) {
             PM_TRY(read_term(item, r->arena, &term[potential->nterm++]));
         } else {
@@ -468,13 +509,18 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
 
 pm_status pm_part_spec_read(pm_yaml block, pm_yaml constants, pm_arena *arena, pm_part_spec *spec) {
     model_values v = {.form = PM_HARD};
-    pm_yaml derived, solid;
-    const pm_yaml_key keys[] = {
-        MODEL_KEYS(v), {PM_YAML_VALUE("derived", &derived)}, {PM_YAML_VALUE("solid", &solid)}, {0}};
+    pm_yaml derived, solid, coenergy;
+    const pm_yaml_key keys[] = {MODEL_KEYS(v),
+                                {PM_YAML_VALUE("coenergy", &coenergy)},
+                                {PM_YAML_VALUE("derived", &derived)},
+                                {PM_YAML_VALUE("solid", &solid)},
+                                {0}};
     PM_TRY(pm_yaml_read(block, arena, keys));
     pm_part_spec read = {.at = pm_yaml_where(block, arena), .form = (pm_form)v.form};
     PM_TRY(read_model(&v, block, constants, arena, &read.constants, &read.energy, &read.entropy,
                       &read.reversible, &read.irreversible, &read.rate));
+    const context r = {arena, read.constants};
+    PM_TRY(read_potential(coenergy, &r, &read.coenergy));
     PM_TRY(pm_yaml_exists(derived) ? pm_yaml_require_entries(derived) : PM_OK);
     const int count = pm_yaml_count(derived);
     if (count > PM_MAX_DERIVED) {
@@ -637,6 +683,22 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
         }
         fputs("}\n", file);
     }
+    for (int i = 0; i < potential->nconvex; ++i) {
+        const pm_convex_spec *convex = &potential->convex[i];
+        const bool inertia = convex->kind == PM_CONVEX_INERTIA;
+        fprintf(file, "  - {%s: {", inertia ? "inertia" : "capacity");
+        write_names(file, "", "of", convex->ngroup, convex->group);
+        if (convex->first > 0) {
+            write_number(file, ", first: ", convex->first);
+        }
+        if (inertia) {
+            fputs(", ", file);
+            write_network(file, &convex->network, convex->network.nfeature);
+        } else {
+            fprintf(file, ", terms: %d", convex->nterm);
+        }
+        fputs("}}\n", file);
+    }
 }
 
 static void write_operator(FILE *file, const char *key, bool reversible,
@@ -752,6 +814,7 @@ const char *pm_part_spec_write(const pm_part_spec *spec, pm_arena *arena) {
     }
     write_model(file, spec->constants, spec->form, &spec->energy, &spec->entropy, &spec->reversible,
                 &spec->irreversible, &spec->rate);
+    write_potential(file, "coenergy", &spec->coenergy);
     fputs(spec->nderived > 0 ? "derived:\n" : "", file);
     for (int i = 0; i < spec->nderived; ++i) {
         const pm_derived_spec *derived = &spec->derived[i];

@@ -348,7 +348,9 @@ static pm_status read_group(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
     const char *name, *unit_text;
     pm_yaml unit, list, size, hidden;
     int count = 1;
+    bool coenergy = false;
     const pm_yaml_key keys[] = {{PM_YAML_VALUE("unit", &unit), .required = true},
+                                {PM_YAML_BOOL("coenergy", &coenergy)},
                                 {PM_YAML_VALUE("columns", &list)},
                                 {PM_YAML_VALUE("size", &size)},
                                 {PM_YAML_VALUE("relative_to", NULL)}, // read_relatives
@@ -371,6 +373,9 @@ static pm_status read_group(pm_scene_reader *r, pm_scene_subsystem *subsystem, p
         PM_TRY(pm_scene_read_columns(r, list, &count, columns));
     }
     pm_layout_add(&subsystem->layout, name, unit_text, count);
+    if (coenergy) {
+        pm_layout_mark_coenergy(&subsystem->layout);
+    }
     return pm_yaml_exists(hidden) ? read_hidden(r, subsystem, block, hidden, columns) : PM_OK;
 }
 
@@ -848,6 +853,9 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
             component[layout->nz + j] = group->first + j;
         }
         pm_layout_add(layout, group->name, group->unit, group->size);
+        if (group->coenergy) {
+            pm_layout_mark_coenergy(layout);
+        }
     }
     port->component[end] = component;
     return PM_OK;

@@ -171,8 +171,8 @@ static const char *describe(const pm_layout *layout, pm_arena *arena) {
     const char *text = "";
     for (int i = 0; i < layout->ngroup && text != NULL; ++i) {
         const pm_group *group = &layout->group[i];
-        text = pm_arena_printf(arena, "%s%s%s[%d] in %s", text, i == 0 ? "" : ", ", group->name,
-                               group->size, group->unit);
+        text = pm_arena_printf(arena, "%s%s%s[%d] in %s%s", text, i == 0 ? "" : ", ", group->name,
+                               group->size, group->unit, group->coenergy ? " (co-energy)" : "");
     }
     return text == NULL ? "?" : text;
 }

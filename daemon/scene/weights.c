@@ -94,16 +94,23 @@ pm_status pm_weights_save(const char *path, pm_component c, const pm_provenance 
     for (int i = 0; i < c.kind->nlayout; ++i) {
         const pm_layout *layout = &c.layout[i];
         const char *where = c.kind->layout_path[i], *name[PM_MAX_GROUPS], *unit[PM_MAX_GROUPS];
-        uint64_t size[PM_MAX_GROUPS];
+        uint64_t size[PM_MAX_GROUPS], coenergy[PM_MAX_GROUPS];
+        bool some = false; // co-energies
         for (int g = 0; g < layout->ngroup; ++g) {
             name[g] = layout->group[g].name;
             unit[g] = layout->group[g].unit;
             size[g] = (uint64_t)layout->group[g].size;
+            coenergy[g] = layout->group[g].coenergy;
+            some = some || layout->group[g].coenergy;
         }
         PM_TRY_DONE(pm_hdf5_write_group(file, where));
         PM_TRY_DONE(pm_hdf5_write_texts(file, where, "names", layout->ngroup, name));
         PM_TRY_DONE(pm_hdf5_write_texts(file, where, "units", layout->ngroup, unit));
         PM_TRY_DONE(pm_hdf5_write_integers(file, where, "sizes", layout->ngroup, size));
+        if (some) {
+            PM_TRY_DONE(
+                pm_hdf5_write_integers(file, where, "coenergies", layout->ngroup, coenergy));
+        }
     }
     PM_TRY_DONE(pm_hdf5_write_group(file, "/parameters"));
     for (int i = 0; i < c.params->count; ++i) {
@@ -125,15 +132,22 @@ done:
 
 static pm_status read_layout(const pm_hdf5 *file, const char *path, const char *object,
                              pm_arena *arena, pm_layout *layout) {
-    const char **name, **unit;
-    uint64_t size[PM_MAX_GROUPS];
-    int nname, nunit, nsize;
+    const char **name, **unit, **attribute;
+    uint64_t size[PM_MAX_GROUPS], coenergy[PM_MAX_GROUPS] = {0};
+    int nname, nunit, nsize, ncoenergy = 0, nattribute;
     PM_TRY(pm_hdf5_read_texts(file, object, "names", arena, &nname, &name));
     PM_TRY(pm_hdf5_read_texts(file, object, "units", arena, &nunit, &unit));
     PM_TRY(pm_hdf5_read_integers(file, object, "sizes", PM_MAX_GROUPS, size, &nsize));
-    if (nname != nunit || nname != nsize) {
-        return pm_fail(PM_EWEIGHTS, "%s: %s has %d names, %d units and %d sizes", path, object,
-                       nname, nunit, nsize);
+    PM_TRY(pm_hdf5_attributes(file, object, arena, &nattribute, &attribute));
+    for (int i = 0; i < nattribute; ++i) { // a layout without co-energies has no such list
+        if (strcmp(attribute[i], "coenergies") == 0) {
+            PM_TRY(pm_hdf5_read_integers(file, object, "coenergies", PM_MAX_GROUPS, coenergy,
+                                         &ncoenergy));
+        }
+    }
+    if (nname != nunit || nname != nsize || (ncoenergy != 0 && ncoenergy != nsize)) {
+        return pm_fail(PM_EWEIGHTS, "%s: %s has %d names, %d units, %d sizes and %d co-energies",
+                       path, object, nname, nunit, nsize, ncoenergy);
     }
     *layout = (pm_layout){.group = pm_arena_array(arena, (size_t)nsize, sizeof *layout->group)};
     PM_TRY(pm_arena_status(arena, "weights"));
@@ -151,6 +165,9 @@ static pm_status read_layout(const pm_hdf5 *file, const char *path, const char *
                            path, object, name[g], (unsigned long long)size[g], MAX_COMPONENTS);
         }
         pm_layout_add(layout, name[g], unit[g], (int)size[g]);
+        if (coenergy[g] != 0) {
+            pm_layout_mark_coenergy(layout);
+        }
     }
     return PM_OK;
 }

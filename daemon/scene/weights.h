@@ -10,7 +10,8 @@
 //     columns       a digest of the names of the state's columns
 //     relative      the groups that are measured from a neighbour (relative_to)
 //     coordinates   names the file without which the variables have no meaning, if there is one
-//   /layout, or for a port /layout_a and /layout_b: attributes names, units, sizes
+//   /layout, or for a port /layout_a and /layout_b: attributes names, units, sizes, and where some
+//     group is shown by its co-energy `coenergies`, 1 for each such group and 0 for the others
 //   /parameters/<name>: [rows][cols] double (float32 is read too), attribute trained
 // A file is written under a temporary name, synchronised and renamed, so that it is never
 // half-written.

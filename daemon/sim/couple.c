@@ -234,4 +234,15 @@ void pm_couple(const pm_model *m, pm_data *d, double weight) {
             }
         }
     }
+    for (int i = 0; i < m->ngroup; ++i) {
+        const pm_subsystem_group *group = &m->group[i];
+        const ptrdiff_t size = (ptrdiff_t)group->nz * group->width;
+        for (int block = 0; block < group->nblock && group->release != NULL; ++block) {
+            const ptrdiff_t at = group->first + block * size;
+            memcpy(group->release_z, d->stage_z + at, (size_t)size * sizeof *k);
+            memcpy(group->release_rate, k + at, (size_t)size * sizeof *k);
+            pm_program_run_prepared(group->release, group->width);
+            memcpy(k + at, group->released, (size_t)size * sizeof *k);
+        }
+    }
 }

@@ -69,7 +69,12 @@ typedef struct pm_subsystem_group {
     pm_program *bulk;                    // NULL: no bulk term
     double *bulk_input[PM_SHOWN_COUNT];  // [nz][width]
     const double *bulk_rate;             // [nz][width] L dE + M dS
-    void *object;                        // of the kind; such a group has one member
+    // Turns rates of energy variables into rates of the state (part.h); NULL: the state has no
+    // co-energies.
+    pm_program *release;
+    double *release_z, *release_rate; // [nz][width]
+    const double *released;           // [nz][width]
+    void *object;                     // of the kind; such a group has one member
 } pm_subsystem_group;
 
 // One end of the ports of a group.
@@ -265,7 +270,8 @@ const pm_kind *pm_kind_of(const pm_model *m, int id);
 
 // --- couple.c ---
 
-// Adds the rates of all ports to d->k, and their fluxes, times `weight`, to those of the step.
+// Adds the rates of all ports to d->k, and their fluxes, times `weight`, to those of the step. Then
+// turns all rates, which are those of energy variables, into rates of the states.
 void pm_couple(const pm_model *m, pm_data *d, double weight);
 
 // --- method.c ---

@@ -118,16 +118,29 @@ static pm_status open_bulk(pm_subsystem_group *group, pm_graph *g, int width, bo
 static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int width,
                              bool discrete) {
     pm_arena scratch = {0};
-    pm_graph *exposure = NULL, *bulk = NULL;
+    pm_graph *exposure = NULL, *bulk = NULL, *release = NULL;
     bool served = true;
     pm_status status;
     bool *wanted = pm_arena_array(&scratch, (size_t)group->nz, sizeof *wanted);
     PM_TRY_DONE(pm_arena_status(&scratch, "the graphs of a subsystem"));
     PM_TRY_DONE(pm_graph_open(&exposure));
     PM_TRY_DONE(pm_graph_open(&bulk));
+    PM_TRY_DONE(pm_graph_open(&release));
     PM_TRY_DONE(open_exposure(m, group, exposure, width, discrete, wanted));
     if (group->exposure != NULL) {
         PM_TRY_DONE(open_bulk(group, bulk, width, &served));
+    }
+    if (group->exposure != NULL && served && pm_part_has_coenergies(group->part)) {
+        const pm_node z = pm_input(release, true, 1, group->nz);
+        const pm_node rate = pm_input(release, true, 1, group->nz);
+        const pm_node released = pm_part_release(release, group->part, z, rate);
+        PM_TRY_DONE(pm_program_open_lanes(&group->release, release, 1, &released, width));
+        served = group->release != NULL;
+        if (served) {
+            group->release_z = pm_program_value(group->release, z);
+            group->release_rate = pm_program_value(group->release, rate);
+            group->released = pm_program_value(group->release, released);
+        }
     }
     if (!served) {
         pm_program_close(group->exposure);
@@ -136,6 +149,7 @@ static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int w
 done:
     pm_graph_close(exposure);
     pm_graph_close(bulk);
+    pm_graph_close(release);
     pm_arena_free(&scratch);
     return status;
 }
@@ -151,7 +165,8 @@ static pm_status open_graph(pm_model *m, pm_subsystem_group *group, int width) {
 static void close_graph(pm_subsystem_group *group) {
     pm_program_close(group->exposure);
     pm_program_close(group->bulk);
-    group->exposure = group->bulk = NULL;
+    pm_program_close(group->release);
+    group->exposure = group->bulk = group->release = NULL;
 }
 
 static bool is_any(const pm_model *m, int id) {

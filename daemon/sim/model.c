@@ -26,10 +26,17 @@ static pm_status check_subsystem(const pm_model *m, int id) {
                        "discrete_gradient",
                        scene->physics.integrator_at, subsystem->name);
     }
+    if (pm_integrator_keeps_energy(m->integrator) && pm_part_has_coenergies(part)) {
+        return pm_fail(PM_ECONFIG,
+                       "%s: integrator %s cannot step co-energies, and the state of subsystem %s "
+                       "has some: expected euler, heun, rk4 or rk6",
+                       scene->physics.integrator_at, m->integrator->name, subsystem->name);
+    }
     if (m->method->implicit && !pm_part_is_discrete(part)) {
         return pm_fail(PM_ECONFIG,
                        "%s: integrator %s needs energies and entropies of the features x, |x|, "
-                       "ln|x|, |x|^2, <x,y> and |min(x,0)| alone; subsystem %s has others",
+                       "ln|x|, |x|^2, <x,y>, sin(x), cos(x) and |min(x,0)| alone; subsystem %s "
+                       "has others",
                        scene->physics.integrator_at, m->integrator->name, subsystem->name);
     }
     return PM_OK;

@@ -92,6 +92,9 @@ static void start(const pm_model *m, pm_data *d) {
         if (m->group[i].bulk != NULL) {
             pm_program_prepare(m->group[i].bulk);
         }
+        if (m->group[i].release != NULL) {
+            pm_program_prepare(m->group[i].release);
+        }
     }
     for (int i = 0; i < m->nport_group; ++i) {
         if (m->port_group[i].law != NULL) {

@@ -132,7 +132,7 @@ static pm_status open_network(network *n) {
     const pm_network_spec spec = {
         .nfeature = 1, .feature = feature, .nhidden = LAYERS, .hidden = hidden};
     const pm_layout layout = {
-        .ngroup = 1, .group = (pm_group[]){{"z", "1", NZ, 0, PM_ROLE_OTHER}}, .nz = NZ};
+        .ngroup = 1, .group = (pm_group[]){{"z", "1", NZ, 0, PM_ROLE_OTHER, false}}, .nz = NZ};
     pm_symbols symbols = {0};
     pm_symbols_add(&symbols, NULL, &layout, "", PM_NO_NODE);
     PM_TRY(pm_network_declare(&spec, &symbols, 1, NULL, &n->params, "energy"));

@@ -31,6 +31,13 @@ for integrator in discrete_gradient rk4_balanced; do
     "$same_recording" "$folder/$integrator.h5" "$folder/${integrator}_lcm.h5" || fail "$integrator"
 done
 
+# States that hold co-energies.
+shown=$(dirname "$0")/../support/coenergies.yaml
+"$portmetd" run "$shown" --in-process --quiet --record "$folder/shown.h5" || fail "co-energies in process"
+start run run "$shown" --quiet --record "$folder/shown_lcm.h5"
+ends run $pid 0 ""
+"$same_recording" "$folder/shown.h5" "$folder/shown_lcm.h5" || fail "co-energies"
+
 # Two runs of the same scene at once keep apart.
 start one run "$scene" --quiet --record "$folder/one.h5"
 one=$pid

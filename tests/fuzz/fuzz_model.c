@@ -24,9 +24,9 @@ static void check(int holds) {
 }
 
 static const pm_layout layout = {3,
-                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
-                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
-                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}},
+                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER, false},
+                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY, false}},
                                  5};
 static bool is_small_network(const pm_network_spec *spec) {
     long numbers = spec->skip >= PM_SKIP_QUADRATIC ? 100L * spec->nfeature * spec->nfeature : 0;

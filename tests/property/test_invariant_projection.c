@@ -134,7 +134,7 @@ static void what_cannot_move_stays(void **state) {
 static void what_is_too_far_is_written_off(void **state) {
     (void)state;
     const pm_layout layout = {
-        .ngroup = 1, .nz = 2, .group = (pm_group[]){{"x", "m", 2, 0, PM_ROLE_OTHER}}};
+        .ngroup = 1, .nz = 2, .group = (pm_group[]){{"x", "m", 2, 0, PM_ROLE_OTHER, false}}};
     static const double start[2] = {0, 0}, dE[2] = {1, 0};
     const random_system nameless = {.seed = 0};
     double z[2] = {0.1, 0};

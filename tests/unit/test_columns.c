@@ -23,7 +23,7 @@ static const char *const mapped[3][3] = {
 static const char *const place[3] = {"f:1:10", "f:1:20", "f:1:30"};
 
 static pm_group group[] = {{.name = "q", .unit = "m", .size = 2},
-                           {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}};
+                           {"s", "J/K", 1, 2, PM_ROLE_ENTROPY, false}};
 static const char *group_at[] = {"f:1:5", "f:1:6"};
 static int relative_subsystem[3][2], relative_group[3][2];
 

@@ -15,9 +15,9 @@
 #define NZ 5
 
 static const pm_layout layout = {3,
-                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
-                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
-                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}},
+                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER, false},
+                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY, false}},
                                  NZ};
 static const double before[NZ] = {3, -4, 0.5, 2, -0.25}, after[NZ] = {2.5, -3, 0.8, 2.5, 0.5};
 

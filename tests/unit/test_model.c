@@ -17,9 +17,9 @@
 #include "scene/model_reader.h"
 
 static const pm_layout layout = {3,
-                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
-                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
-                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}},
+                                 (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                                              {"p", "kg m/s", 2, 2, PM_ROLE_OTHER, false},
+                                              {"s", "J/K", 1, 4, PM_ROLE_ENTROPY, false}},
                                  5};
 static const double state_values[] = {3, -4, 0.5, 2, -0.25};
 
@@ -84,7 +84,7 @@ static void shared_parameters_are_one_weight(void **state) {
 static void sizes_are_bounded(void **state) {
     (void)state;
     static const char *const feature[] = {"q"}, *const acts_on[] = {"q"};
-    const pm_layout large = {1, (pm_group[]){{"q", "m", 65537, 0, PM_ROLE_OTHER}}, 65537};
+    const pm_layout large = {1, (pm_group[]){{"q", "m", 65537, 0, PM_ROLE_OTHER, false}}, 65537};
     const pm_network_spec quadratic = {
         .nfeature = 1, .feature = feature, .skip = PM_SKIP_QUADRATIC};
     const pm_operator_spec learned = {.learned = true, .nacts = 1, .acts_on = acts_on};

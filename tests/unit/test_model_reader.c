@@ -176,8 +176,9 @@ static void test_identity(void **state) {
     for (int i = 0; i < 2; ++i) {
         pm_yaml_document *document = NULL;
         pm_yaml root;
-        pm_port_model port = {.layout = {{1, (pm_group[]){{"p", "m", 3, 0, PM_ROLE_OTHER}}, 3},
-                                         {1, (pm_group[]){{"x", "m", 3, 0, PM_ROLE_OTHER}}, 3}}};
+        pm_port_model port = {
+            .layout = {{1, (pm_group[]){{"p", "m", 3, 0, PM_ROLE_OTHER, false}}, 3},
+                       {1, (pm_group[]){{"x", "m", 3, 0, PM_ROLE_OTHER, false}}, 3}}};
         assert_int_equal(pm_yaml_parse(&document, written, "t.yaml", &root), PM_OK);
         assert_int_equal(pm_port_spec_read(root, (pm_yaml){0}, &arena, &port.spec), PM_OK);
         pm_yaml_close(document);
@@ -201,7 +202,8 @@ static const char good_derived[] =
 
 // A part with the groups q [2] and p [1].
 static pm_status declare_derived(pm_yaml root, pm_arena *arena, pm_part *part) {
-    static pm_group group[] = {{"q", "m", 2, 0, PM_ROLE_OTHER}, {"p", "m", 1, 2, PM_ROLE_OTHER}};
+    static pm_group group[] = {{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                               {"p", "m", 1, 2, PM_ROLE_OTHER, false}};
     *part = (pm_part){.layout = {2, group, 3}};
     PM_TRY(pm_part_spec_read(root, (pm_yaml){0}, arena, &part->spec));
     return pm_part_declare(part);

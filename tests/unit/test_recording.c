@@ -25,7 +25,7 @@ static pm_scene_subsystem subsystem[2] = {
      .layout = {.ngroup = 2,
                 .nz = 3,
                 .group = (pm_group[]){{.name = "q", .unit = "m", .size = 2},
-                                      {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}}}},
+                                      {"s", "J/K", 1, 2, PM_ROLE_ENTROPY, false}}}},
     {.name = "right",
      .layout = {.ngroup = 1,
                 .nz = 1,
@@ -267,7 +267,7 @@ static void components_of_large_states_are_named_by_group(void **state) {
         .layout = {.ngroup = 2,
                    .nz = 10001,
                    .group = (pm_group[]){{.name = "q", .unit = "m", .size = 10000},
-                                         {"s", "J/K", 1, 10000, PM_ROLE_ENTROPY}}}};
+                                         {"s", "J/K", 1, 10000, PM_ROLE_ENTROPY, false}}}};
     pm_scene large = {.name = "large",
                       .physics.integrator = &method,
                       .physics.nsubsystem = 1,

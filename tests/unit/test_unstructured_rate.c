@@ -16,10 +16,10 @@
 
 #define NZ 3
 
-static const pm_layout layout = {
-    .ngroup = 2,
-    .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER}, {"s", "J/K", 1, 2, PM_ROLE_ENTROPY}},
-    .nz = NZ};
+static const pm_layout layout = {.ngroup = 2,
+                                 .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                                                       {"s", "J/K", 1, 2, PM_ROLE_ENTROPY, false}},
+                                 .nz = NZ};
 static const char *const own[] = {"q", "s"};
 static const char *const both[] = {"own.s", "other.q"};
 
@@ -100,7 +100,7 @@ static void port_acts_at_one_end(void **state) {
     (void)state;
     static const char *const mine[] = {"own.q"};
     const pm_layout other = {
-        .ngroup = 1, .group = (pm_group[]){{"w", "1", 1, 0, PM_ROLE_OTHER}}, .nz = 1};
+        .ngroup = 1, .group = (pm_group[]){{"w", "1", 1, 0, PM_ROLE_OTHER, false}}, .nz = 1};
     pm_port_model port = {
         .layout = {layout, other},
         .spec = {.law = "exchange",

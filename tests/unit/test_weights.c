@@ -22,11 +22,11 @@ static const char port_text[] = "law: bracket\n"
 
 static const pm_layout layout = {.ngroup = 3,
                                  .nz = 5,
-                                 .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER},
-                                                       {"p", "kg m/s", 2, 2, PM_ROLE_OTHER},
-                                                       {"s", "J/K", 1, 4, PM_ROLE_ENTROPY}}};
+                                 .group = (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
+                                                       {"p", "kg m/s", 2, 2, PM_ROLE_OTHER, false},
+                                                       {"s", "J/K", 1, 4, PM_ROLE_ENTROPY, false}}};
 static const pm_layout exposed = {
-    .ngroup = 1, .nz = 1, .group = (pm_group[]){{"s", "J/K", 1, 0, PM_ROLE_ENTROPY}}};
+    .ngroup = 1, .nz = 1, .group = (pm_group[]){{"s", "J/K", 1, 0, PM_ROLE_ENTROPY, false}}};
 
 static const pm_provenance provenance = {.command = "portmet-train fit train.yaml",
                                          .data = "data.h5 0123456789abcdef",
@@ -384,7 +384,8 @@ static void changed_content_is_refused(void **state) {
     assert_load_fails(with_change(set_broken_model), "model: ");
     assert_load_fails(with_change(set_other_model), "height");
     assert_load_fails(with_change(set_escape), "attribute command of /: text is unreadable");
-    assert_load_fails(with_change(set_group_name), "/layout has 1 names, 3 units and 3 sizes");
+    assert_load_fails(with_change(set_group_name),
+                      "/layout has 1 names, 3 units, 3 sizes and 0 co-energies");
     assert_load_fails(with_change(repeat_group), "group \"q\" is not a name, or there twice");
     assert_load_fails(with_change(misname_group), "group \"/\" is not a name");
     assert_load_fails(with_change(set_size), "group p has 18446744073709551615 components");

@@ -6,6 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "graph/program.h"
+
+#define MOST_STATES 4096 // at which energy variables are computed
+
 // The estimates of the energy of one subsystem, of which the geometric mean is used.
 typedef struct estimate {
     double sum;
@@ -38,6 +42,88 @@ static void find_states(pm_magnitudes *m, const pm_samples *s) {
             }
         }
     }
+}
+
+// What pm_magnitudes keeps of one subsystem with co-energies: the sum over all groups y of their
+// root mean square times the deviation of the energy variable, which is about an energy, and the
+// mean of all temperatures, 0 without one.
+typedef struct shown {
+    double energy, temperature;
+} shown;
+
+// Replaces deviation and rate of the co-energies of one subsystem by those of the energy variables
+// x(z), which `program` computes in `variable` from the states that lie in `z`, count [nz] each.
+static shown convert(pm_magnitudes *m, const pm_scene_subsystem *s, const double *z,
+                     const double *variable, int count) {
+    const int nz = s->layout.nz;
+    shown sum = {0, 0};
+    double temperatures = 0;
+    for (int k = 0; k < s->layout.ngroup; ++k) {
+        const pm_group *group = &s->layout.group[k];
+        double deviation = 0, rms = 0, mean_shown = 0;
+        if (!group->coenergy) {
+            continue;
+        }
+        for (int c = group->first; c < group->first + group->size; ++c) {
+            double mean = 0;
+            for (int j = 0; j < count; ++j) {
+                mean += variable[(ptrdiff_t)j * nz + c] / count;
+            }
+            for (int j = 0; j < count; ++j) {
+                const double x = variable[(ptrdiff_t)j * nz + c] - mean;
+                const double y = z[(ptrdiff_t)j * nz + c];
+                deviation += x * x / ((double)count * group->size);
+                rms += y * y / ((double)count * group->size);
+                mean_shown += y / ((double)count * group->size);
+            }
+        }
+        deviation = sqrt(deviation);
+        if (deviation > 0 && isfinite(deviation)) {
+            for (int c = s->first + group->first; c < s->first + group->first + group->size; ++c) {
+                m->rate[c] *= deviation / m->deviation[c];
+                m->deviation[c] = deviation;
+            }
+            sum.energy += sqrt(rms) * deviation;
+        }
+        if (group->role == PM_ROLE_ENTROPY) {
+            sum.temperature = (temperatures * sum.temperature + mean_shown) / (temperatures + 1);
+            ++temperatures;
+        }
+    }
+    return sum;
+}
+
+// Computes the magnitudes of co-energies. found [nsubsystem] stays zero for the others.
+static pm_status find_shown(pm_magnitudes *m, const pm_system *system, const pm_samples *samples,
+                            shown *found) {
+    const int count = samples->count < MOST_STATES ? samples->count : MOST_STATES;
+    const size_t width = (size_t)pm_samples_width(samples);
+    for (int i = 0; i < m->scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &m->scene->physics.subsystem[i];
+        pm_graph *g = NULL;
+        pm_program *program = NULL;
+        pm_status status;
+        if (!pm_part_has_coenergies(system->part[i])) {
+            continue;
+        }
+        PM_TRY_DONE(pm_graph_open(&g));
+        const pm_node z = pm_input(g, true, 1, s->layout.nz);
+        const pm_node x = pm_part_energy_variables(g, system->part[i], z);
+        PM_TRY_DONE(pm_program_open(&program, g, 1, &x, count));
+        double *state = pm_program_value(program, z);
+        for (int j = 0; j < count; ++j) {
+            const size_t at = (size_t)((long)j * samples->count / count);
+            memcpy(state + (ptrdiff_t)j * s->layout.nz, samples->z + at * width + s->first,
+                   (size_t)s->layout.nz * sizeof *state);
+        }
+        pm_program_run(program, count);
+        found[i] = convert(m, s, state, pm_program_value(program, x), count);
+    done:
+        pm_program_close(program);
+        pm_graph_close(g);
+        PM_TRY(status);
+    }
+    return PM_OK;
 }
 
 bool pm_magnitudes_of_part(const pm_magnitudes *m, int part, const char *group,
@@ -114,12 +200,16 @@ pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm
     m->temperature = pm_arena_array(&m->arena, count, sizeof *m->temperature);
     m->dS = pm_arena_array(&m->arena, count, sizeof *m->dS);
     estimate *e = pm_arena_array(&m->arena, count, sizeof *e);
-    const pm_status status = pm_arena_status(&m->arena, "normalisation");
+    shown *of_shown = pm_arena_array(&m->arena, count, sizeof *of_shown);
+    pm_status status = pm_arena_status(&m->arena, "normalisation");
+    if (status == PM_OK) {
+        find_states(m, samples);
+        status = find_shown(m, system, samples, of_shown);
+    }
     if (status != PM_OK) {
         pm_magnitudes_free(m);
         return status;
     }
-    find_states(m, samples);
     for (int i = 0; i < m->scene->physics.nsubsystem; ++i) {
         m->energy[i] = 1;
         const pm_potential_spec *energy = &system->part[i]->spec.energy;
@@ -127,7 +217,9 @@ pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm
         for (int k = 0; k < energy->nterm; ++k) {
             slope += energy->term[k].nthermal > 0 ? energy->term[k].temperature : 0;
         }
-        m->temperature[i] = slope > 0 ? slope / dS_of(system, i) : PM_DEFAULT_TEMPERATURE;
+        m->temperature[i] = of_shown[i].temperature > 0 ? of_shown[i].temperature
+                            : slope > 0                 ? slope / dS_of(system, i)
+                                                        : PM_DEFAULT_TEMPERATURE;
         m->dS[i] = dS_of(system, i);
         const pm_operator_spec *L = &system->part[i]->spec.reversible;
         for (int k = 0; k < L->ngiven; ++k) {
@@ -158,9 +250,9 @@ pm_status pm_magnitudes_find(pm_magnitudes *m, const pm_system *system, const pm
     }
     for (int i = 0; i < m->scene->physics.nsubsystem; ++i) {
         // The typical heat content of a subsystem: the temperature times the deviation of its
-        // entropies.
+        // entropies. Other co-energies count as well.
         const pm_potential_spec *energy = &system->part[i]->spec.energy;
-        double content = 0;
+        double content = of_shown[i].energy;
         for (int j = 0; j < energy->nterm; ++j) {
             const pm_network_spec *term = &energy->term[j];
             for (int k = term->nfeature - term->nthermal; k < term->nfeature; ++k) {

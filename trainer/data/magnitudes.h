@@ -14,12 +14,13 @@ typedef struct pm_magnitudes {
                     // the components of each group
     double *energy; // [nsubsystem] J: the estimate from given reversible pairs if the model has
                     // any, else the typical heat content, else 1
-    double *temperature; // [nsubsystem] K, the starting temperature of thermal energies; 300 if
-                         // the model has none
+    double *temperature; // [nsubsystem] K, the starting temperature of thermal energies, or the
+                         // mean of temperatures that the state holds; 300 if there are none
     double *dS;          // [nsubsystem] J/K per unit of the first given entropy; 1 if it is in J/K
 } pm_magnitudes;
 
-// The magnitudes of one group, in the units of pm_magnitudes.
+// The magnitudes of one group, in the units of pm_magnitudes. Those of a co-energy are the
+// magnitudes of its energy variable, as the present weights compute it.
 typedef struct pm_group_magnitude {
     double deviation, rate, energy, temperature, dS;
 } pm_group_magnitude;

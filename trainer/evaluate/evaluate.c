@@ -103,7 +103,7 @@ static pm_status open_models(worker *w) {
 }
 
 // Takes the temperatures dE/ds at the state z into the range of the rollout, in K for any unit of
-// s. They are exact: dE is a graph.
+// s, or of T where the state holds T itself. They are exact: dE is a graph.
 static void take_temperatures(const worker *w, pm_rollout *rollout, const double *z) {
     const pm_system *system = w->e->system;
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
@@ -115,10 +115,10 @@ static void take_temperatures(const worker *w, pm_rollout *rollout, const double
         }
         for (int g = 0; g < s->layout.ngroup; ++g) {
             const pm_group *group = &s->layout.group[g];
-            const double unit = pm_unit_parse(group->unit).factor; // J/K
+            const double unit = pm_unit_parse(group->unit).factor; // J/K, or K
             for (int c = 0; c < group->size && has_temperature(group); ++c) {
                 const double dE = w->dE[owner] == NULL ? 0 : w->dE[owner][group->first + c];
-                const double T = dE / unit;
+                const double T = group->coenergy ? dE * unit : dE / unit;
                 const bool first = rollout->coldest == 0 && rollout->warmest == 0;
                 rollout->coldest = first ? T : fmin(rollout->coldest, T);
                 rollout->warmest = first ? T : fmax(rollout->warmest, T);

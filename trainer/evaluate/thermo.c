@@ -150,7 +150,8 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
     }
     for (int i = 0; i < npart; ++i) {
         entropy = entropy || pm_part_has_entropy(e->system->part[i]);
-        thermo->given = thermo->given && e->system->part[i]->spec.entropy.nterm == 0;
+        thermo->given = thermo->given && e->system->part[i]->spec.entropy.nterm == 0 &&
+                        !pm_part_has_coenergies(e->system->part[i]);
     }
     const int last = e->truth->ntime - 1;
     for (int k = 0; k < e->count && entropy; ++k) {

@@ -81,12 +81,21 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
     PM_TRY(pm_arena_status(arena, "a spectrum"));
     pm_trained_list(system, trained);
     int warmth = -1; // the weight by which all temperatures rise; -1: no temperature is learned
+    bool thermal = false;
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        const pm_potential_spec *energy = &system->part[i]->spec.energy;
+        for (int k = 0; k < energy->nterm; ++k) {
+            thermal = thermal || energy->term[k].nthermal > 0;
+        }
+    }
     for (int b = 0; b < nblock; ++b) {
         list[b] = (block){.component = pm_trained_name(system, trained[b].component),
                           .name = trained[b].entry->name,
                           .first = trained[b].first,
                           .size = trained[b].size};
-        warmth = warmth < 0 && strcmp(list[b].name, PM_WARMTH) == 0 ? list[b].first : warmth;
+        if (warmth < 0 && thermal && strcmp(list[b].name, PM_WARMTH) == 0) {
+            warmth = list[b].first;
+        }
     }
     int index[SAMPLES], count = 0;
     for (; count < SAMPLES && count < all; ++count) {

@@ -73,6 +73,7 @@ typedef struct scratch {
 //     sum e / sqrt(sum of e^2 + d^2),
 //     e = dE/dz (z' - z),   d = dE/dz scale sqrt(1/weight^2 - 1 + LEAST^2),
 // where the sums are over all variables, and z' = z + dt zdot is the second state of the window.
+// For a co-energy dE/dz is the derivative by it, not by its energy variable.
 // Where the weights say that a rate is uncertain, d is large, so that its error does not dominate
 // the balance. The work space holds the gradients dE/dz at z, where the only stage of an Euler step
 // was evaluated.
@@ -84,8 +85,13 @@ static pm_status append_balance(pm_graph *g, const pm_system *system, const pm_s
     pm_magnitudes m;
     PM_TRY(pm_magnitudes_find(&m, system, samples));
     for (int i = 0; i < count; ++i) {
+        const pm_part *part = system->part[i];
         energy += m.energy[i];
         s->z[i] = s->work.state[i].dE;
+        if (pm_part_has_coenergies(part)) {
+            const pm_node z = s->work.state[i].z, E = pm_part_energy(g, part, z);
+            pm_gradient(g, E, PM_NO_NODE, 1, &z, &s->z[i]);
+        }
     }
     pm_magnitudes_free(&m);
     const double least = LEAST_ENERGY * energy;

@@ -98,6 +98,9 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
         }
         last[i] = next;
     }
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        state[i].zdot = pm_part_release(g, system->part[i], state[i].z, state[i].zdot);
+    }
 }
 
 // Returns x times the factor of the steps' length, where there are both.

@@ -32,10 +32,10 @@ pm_node pm_build_boundary_input(pm_graph *g, const pm_system *system, pm_node bo
 void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
                          const pm_state_nodes *state, pm_node prescribed, pm_port_nodes end[2]);
 
-// Computes zdot of state [nsubsystem] from z, dE, dS and the values of the boundary inputs, and
-// appends the degeneracy residuals to *degeneracy. `last` [nport] holds the irreversible rates of
-// the previous iteration of the prediction (prediction.h), all PM_NO_NODE at first, and receives
-// those of this one.
+// Computes zdot of state [nsubsystem], the rates of the states themselves, from z, dE, dS and the
+// values of the boundary inputs, and appends the degeneracy residuals to *degeneracy. `last`
+// [nport] holds the irreversible rates of the previous iteration of the prediction (prediction.h),
+// all PM_NO_NODE at first, and receives those of this one.
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
                     pm_node *last, pm_node *degeneracy);
 

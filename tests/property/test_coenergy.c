@@ -1,0 +1,418 @@
+// States that hold co-energies: they move as the same system in energy variables does, their books
+// balance, the trainer takes the same steps, and all divisions of a scene have the same bits.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "base/linalg.h"
+#include "graph/program.h"
+#include "loss/step_graph.h"
+#include "model/part.h"
+#include "sim/ledger.h"
+#include "sim/monolithic.h"
+#include "tests/support/divided.h"
+#include "tests/support/random_system.h"
+
+// --- a pendulum that heats itself and two bodies ---
+
+// Both scenes have the same subsystems in the same order: the state of a pendulum is its angle, its
+// angular momentum or velocity, and its entropy or temperature; that of `bodies` two entropies or
+// temperatures. The inertia of the pendulum depends on its angle.
+#define TIME "time: {dt: 0.05, steps: 40, integrator: rk6, substeps: 16}\n"
+#define CONSTANTS "constants: {m: 0.8, g: 9.81, c: 0.5, b: 0.2}, "
+static const char in_energy_variables[] =
+    "scene: momenta\n" TIME "models:\n"
+    "  arm: {" CONSTANTS
+    "energy: ['p^2/(2*m*(1+0.3*cos(q)))', 'm*g*(1-cos(q))', 'c*300*exp(s/c)'],\n"
+    "    entropy: {given: s}, reversible: {given: [[q, p, 1.0]]},\n"
+    "    irreversible: {given: [[p, s, 'b*dE.s']]}}\n"
+    "  two: {energy: ['2*300*exp(s[0]/2)', '2*300*exp(s[1]/2)'], entropy: {given: s}}\n"
+    "  wall: {law: bracket, irreversible: {given: [\n"
+    "    ['a.s', 'b.s[0]', '4*b.dE.s[0]/a.dE.s'], ['a.s', 'b.s[1]', '9*b.dE.s[1]/a.dE.s']]}}\n"
+    "subsystems:\n"
+    "  arm: {model: arm, state: {q: {unit: rad, size: 1}, p: {unit: J s, size: 1},\n"
+    "    s: {unit: J/K, size: 1}}}\n"
+    "  bodies: {model: two, state: {s: {unit: J/K, size: 2}}}\n"
+    "ports: {wall: {law: bracket, model: wall, between: [arm, bodies],\n"
+    "  expose: {arm: s, bodies: s}}}\n";
+static const char in_coenergies[] =
+    "scene: velocities\n" TIME "models:\n"
+    "  arm: {" CONSTANTS "coenergy: ['m/2*(1+0.3*cos(q))*v^2', 'c*(T*ln(T/300)-T)'],\n"
+    "    energy: 'm*g*(1-cos(q))', entropy: {given: T}, reversible: {given: [[q, v, 1.0]]},\n"
+    "    irreversible: {given: [[v, T, 'b*dE.T']]}}\n"
+    "  two: {coenergy: {capacity: {of: T, first: 2.0}}, entropy: {given: T}}\n"
+    "  wall: {law: bracket, irreversible: {given: [\n"
+    "    ['a.T', 'b.T[0]', '4*b.dE.T[0]/a.dE.T'], ['a.T', 'b.T[1]', '9*b.T[1]/a.T']]}}\n"
+    "subsystems:\n"
+    "  arm: {model: arm, state: {q: {unit: rad, size: 1},\n"
+    "    v: {unit: rad/s, size: 1, coenergy: true}, T: {unit: K, size: 1, coenergy: true}}}\n"
+    "  bodies: {model: two, state: {T: {unit: K, size: 2, coenergy: true}}}\n"
+    "ports: {wall: {law: bracket, model: wall, between: [arm, bodies],\n"
+    "  expose: {arm: T, bodies: T}}}\n";
+#define NZ 5
+static const double shown[NZ] = {2.0, -1.5, 310, 285, 301};
+
+typedef struct subject {
+    pm_scene *scene;
+    pm_system *system;
+    pm_monolithic *simulation;
+    pm_ledger ledger;
+} subject;
+
+static void require(pm_status status) {
+    if (status != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+static void open_subject(subject *s, const char *text, const double *z) {
+    *s = (subject){0};
+    require(pm_scene_parse(&s->scene, text, "scene.yaml"));
+    require(pm_system_load(&s->system, s->scene, NULL));
+    require(pm_monolithic_open(&s->simulation, s->system));
+    pm_monolithic_set_state(s->simulation, z);
+    pm_ledger_init(&s->ledger, s->system);
+}
+
+static void close_subject(subject *s) {
+    pm_monolithic_close(s->simulation);
+    pm_system_free(s->system);
+    pm_scene_free(s->scene);
+}
+
+static void book(subject *s) {
+    pm_sample sample = *pm_monolithic_sample(s->simulation);
+    require(pm_ledger_book(&s->ledger, &sample));
+}
+
+// Computes the state in energy variables.
+static void to_energy_variables(const double *y, double *x) {
+    x[0] = y[0];
+    x[1] = 0.8 * (1 + 0.3 * cos(y[0])) * y[1];
+    x[2] = 0.5 * log(y[2] / 300);
+    x[3] = 2 * log(y[3] / 300);
+    x[4] = 2 * log(y[4] / 300);
+}
+
+static void check(const char *what, double value, double expected, double tolerance) {
+    if (!(fabs(value - expected) <= tolerance)) {
+        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
+    }
+}
+
+static void both_kinds_of_variables_move_alike(void **state) {
+    (void)state;
+    subject momenta, velocities;
+    double x[NZ];
+    to_energy_variables(shown, x);
+    open_subject(&momenta, in_energy_variables, x);
+    open_subject(&velocities, in_coenergies, shown);
+    assert_int_equal(velocities.scene->physics.subsystem[0].layout.group[2].role, PM_ROLE_ENTROPY);
+    book(&momenta);
+    book(&velocities);
+    const double energy = velocities.ledger.energy;
+    for (int step = 0; step < 40; ++step) {
+        require(pm_monolithic_step(momenta.simulation));
+        require(pm_monolithic_step(velocities.simulation));
+        book(&momenta);
+        book(&velocities);
+        const pm_sample *a = pm_monolithic_sample(momenta.simulation);
+        const pm_sample *b = pm_monolithic_sample(velocities.simulation);
+        to_energy_variables(b->z, x);
+        for (int i = 0; i < NZ; ++i) {
+            check("state", x[i], a->z[i], 1e-9);
+        }
+        for (int end = 0; end < 2; ++end) {
+            check("energy flux", b->flux[0][end].energy, a->flux[0][end].energy, 1e-7);
+            check("entropy flux", b->flux[0][end].entropy, a->flux[0][end].entropy, 1e-9);
+        }
+        for (int i = 0; i < 2; ++i) {
+            check("energy", b->energy[i], a->energy[i], 1e-7);
+            check("entropy", b->entropy[i], a->entropy[i], 1e-9);
+        }
+    }
+    // Both laws: no port loses energy, the drift is the error of the method alone.
+    check("energy residual", velocities.ledger.worst_energy, 0, 1e-14);
+    check("entropy residual", velocities.ledger.worst_entropy, 0, 1e-14);
+    check("total energy", velocities.ledger.energy, energy, 1e-8 * energy);
+    assert_true(velocities.ledger.violations == 0);
+    assert_true(fabs(pm_monolithic_sample(velocities.simulation)->z[1] - shown[1]) > 0.1);
+    close_subject(&momenta);
+    close_subject(&velocities);
+}
+
+// --- random models ---
+
+// Three velocities share an inertia that depends on angles; two temperatures have capacities of
+// their own. A formula couples a velocity with a temperature and a position.
+static const char scene_text[] =
+    "scene: shown\n"
+    "time: {dt: 0.02, steps: 20, integrator: rk4, substeps: 2}\n"
+    "subsystems:\n"
+    "  a: {weights: a.h5, state: {q: {unit: rad, size: 2}, v: {unit: rad/s, size: 2, coenergy: "
+    "true}, u: {unit: m/s, size: 1, coenergy: true}, T: {unit: K, size: 2, coenergy: true}, s: "
+    "{unit: J/K, size: 1}}}\n"
+    "  b: {weights: b.h5, state: {q: {unit: rad, size: 2}, v: {unit: rad/s, size: 2, coenergy: "
+    "true}, u: {unit: m/s, size: 1, coenergy: true}, T: {unit: K, size: 2, coenergy: true}, s: "
+    "{unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  joint: {law: bracket, between: [a, b], weights: joint.h5, expose: {a: [q, v, T], b: [v, u, "
+    "T]}}\n";
+static const char part_text[] =
+    "coenergy:\n"
+    "  - {inertia: {of: [v, u], features: [\"sin(q)\", \"cos(q)\"], hidden: [4]}}\n"
+    "  - {capacity: {of: T, terms: 5}}\n"
+    "  - \"u^2*(3+sin(q[0]))+0.01*u^4+0.001*T[0]*u+0.002*T[0]^2\"\n"
+    "energy: [{features: [\"sin(q)\", \"cos(q)\"], hidden: [5], skip: quadratic}, \"300*exp(s)\"]\n"
+    "entropy: [{given: [T, s]}]\n"
+    "reversible:\n"
+    "  given: [[q, v, 1.0]]\n"
+    "  learned: {acts_on: [v, u], features: [v], hidden: [3]}\n"
+    "irreversible: {learned: {acts_on: [v, u, T], heats: [T, s], rank: 2}}\n";
+static const char port_text[] =
+    "law: bracket\n"
+    "reversible: {learned: {acts_on: [a.v, b.v], features: [\"sin(a.q)\"], hidden: [3]}}\n"
+    "irreversible: {learned: {acts_on: [a.v, b.u, a.T, b.T], heats: [a.T, b.T], rank: 2,\n"
+    "  strength: {features: [a.T, \"|b.v|\"], hidden: [3]}}}\n";
+#define SHOWN_NZ 8
+
+// Draws a system with weights of a fair size, and temperatures around 300 K.
+static void open_random(random_system *w, uint64_t seed) {
+    random_system_of_text(w, seed, scene_text, part_text, port_text);
+    for (int k = 0; k < pm_system_components(w->system); ++k) {
+        const pm_params *params = pm_system_params(w->system, k);
+        for (int i = 0; i < params->count; ++i) {
+            const pm_param_entry *entry = &params->entry[i];
+            const bool capacity = strncmp(entry->name, "coenergy.capacity", 17) == 0;
+            const bool mean = capacity && strstr(entry->name, "mean") != NULL;
+            const bool deviation = capacity && strstr(entry->name, "deviation") != NULL;
+            for (int j = 0; j < entry->rows * entry->cols; ++j) {
+                entry->value[j] = mean              ? 300
+                                  : deviation       ? 20 + 10 * pm_rng_uniform(&w->rng)
+                                  : !entry->trained ? 1
+                                                    : entry->value[j] * 0.3;
+            }
+        }
+    }
+    for (int i = 0; i < 2; ++i) {
+        double *z = w->z + i * SHOWN_NZ;
+        z[5] = 300 + 15 * z[5];
+        z[6] = 300 + 15 * z[6];
+        z[7] *= 0.1;
+    }
+}
+
+// Returns a . b over n numbers, and adds the magnitudes of its terms to *gross.
+static double dot(int n, const double *a, const double *b, double *gross) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += a[i] * b[i];
+        *gross += fabs(a[i] * b[i]);
+    }
+    return sum;
+}
+
+// Released rates of the state change energy, entropy and energy variables as the inner rates do.
+static void release_keeps_all_rates(void **state) {
+    (void)state;
+    enum { E_Z, S_Z, X_Z, DE, DS, ZDOT, COUNT };
+    for (uint64_t seed = 1; seed <= 20; ++seed) {
+        random_system w;
+        pm_graph *g = NULL;
+        pm_program *program = NULL;
+        double weight[SHOWN_NZ], inner[SHOWN_NZ];
+        open_random(&w, seed);
+        const pm_part *part = w.system->part[0];
+        require(pm_graph_open(&g));
+        const pm_node z = pm_input(g, true, 1, SHOWN_NZ), xdot = pm_input(g, true, 1, SHOWN_NZ);
+        const pm_node direction = pm_input(g, true, 1, SHOWN_NZ);
+        const pm_node x = pm_part_energy_variables(g, part, z);
+        pm_node output[COUNT];
+        pm_gradient(g, pm_part_energy(g, part, z), PM_NO_NODE, 1, &z, &output[E_Z]);
+        pm_gradient(g, pm_part_entropy(g, part, z), PM_NO_NODE, 1, &z, &output[S_Z]);
+        pm_gradient(g, x, direction, 1, &z, &output[X_Z]);
+        pm_part_coenergies(g, part, PM_NO_NODE, z, &output[DE], &output[DS]);
+        output[ZDOT] = pm_part_release(g, part, z, xdot);
+        require(pm_program_open(&program, g, COUNT, output, 1));
+        for (int i = 0; i < SHOWN_NZ; ++i) {
+            pm_program_value(program, z)[i] = w.z[i];
+            inner[i] = pm_program_value(program, xdot)[i] = pm_rng_normal(&w.rng);
+            weight[i] = pm_program_value(program, direction)[i] = pm_rng_normal(&w.rng);
+        }
+        pm_program_run(program, 1);
+        const double *value[COUNT];
+        for (int i = 0; i < COUNT; ++i) {
+            value[i] = pm_program_value(program, output[i]);
+        }
+        const double *by_inner[] = {value[DE], value[DS], weight};
+        for (int i = 0; i < 3; ++i) {
+            double gross = 0;
+            const double shown_rate = dot(SHOWN_NZ, value[E_Z + i], value[ZDOT], &gross);
+            const double inner_rate = dot(SHOWN_NZ, by_inner[i], inner, &gross);
+            random_system_check(&w, "rate", shown_rate, inner_rate, 1e-12 * gross);
+        }
+        assert_true(memcmp(value[ZDOT] + 2, inner + 2, 5 * sizeof *inner) != 0);
+        pm_program_close(program);
+        pm_graph_close(g);
+        random_system_close(&w);
+    }
+}
+
+// The trainer's step graph releases rates as the engine does, and the ports' books balance.
+static void trainer_takes_the_same_step(void **state) {
+    (void)state;
+    for (uint64_t seed = 1; seed <= 5; ++seed) {
+        random_system w;
+        pm_graph *g = NULL;
+        pm_program *program = NULL;
+        pm_monolithic *simulation = NULL;
+        pm_arena arena = {0};
+        pm_node part[2], degeneracy = PM_NO_NODE;
+        pm_ledger ledger;
+        open_random(&w, seed);
+        const pm_physics *physics = &w.scene->physics;
+        require(pm_monolithic_open(&simulation, w.system));
+        pm_monolithic_set_state(simulation, w.z);
+        pm_ledger_init(&ledger, w.system);
+        pm_sample sample = *pm_monolithic_sample(simulation);
+        require(pm_ledger_book(&ledger, &sample));
+        require(pm_monolithic_step(simulation));
+        sample = *pm_monolithic_sample(simulation);
+        require(pm_ledger_book(&ledger, &sample));
+        random_system_check(&w, "energy residual", ledger.worst_energy, 0, 1e-13);
+        random_system_check(&w, "entropy residual", ledger.worst_entropy, 0, 1e-13);
+        const pm_step_work work = pm_step_work_new(w.system, &arena);
+        require(pm_graph_open(&g));
+        const pm_node input = pm_input(g, true, 1, physics->nz);
+        for (int i = 0; i < 2; ++i) {
+            part[i] = pm_slice(g, input, i * SHOWN_NZ, SHOWN_NZ);
+        }
+        pm_build_step(g, w.system, physics->integrator, physics->dt / physics->substeps,
+                      physics->substeps, part, PM_NO_NODE, &degeneracy, &work);
+        const pm_node output = pm_concat(g, 2, part);
+        require(pm_program_open(&program, g, 1, &output, 1));
+        memcpy(pm_program_value(program, input), w.z, (size_t)physics->nz * sizeof *w.z);
+        pm_program_run(program, 1);
+        for (int i = 0; i < physics->nz; ++i) {
+            const double served = pm_monolithic_sample(simulation)->z[i];
+            random_system_check(&w, "z after a step", pm_program_value(program, output)[i], served,
+                                1e-12 * (fabs(served) + 1));
+        }
+        assert_true(fabs(pm_program_value(program, output)[2] - w.z[2]) > 1e-6);
+        pm_program_close(program);
+        pm_graph_close(g);
+        pm_arena_free(&arena);
+        pm_monolithic_close(simulation);
+        random_system_close(&w);
+    }
+}
+
+// --- bits ---
+
+#define ARMS 20
+
+// Twenty pendula in a row, each joined to the next by conduction: blocks of many lanes in one
+// process, and a lane for each where every pendulum has a process of its own.
+static void all_divisions_have_the_same_bits(void **state) {
+    (void)state;
+    static const char row[] =
+        "scene: row\ntime: {dt: 0.02, steps: 20, integrator: rk4, substeps: 2}\nmodels:\n"
+        "  arm: {coenergy: ['(1+0.3*cos(q))*v^2', '5*(T*ln(T)-T)'], energy: '7*(1-cos(q))',\n"
+        "    entropy: {given: T}, reversible: {given: [[q, v, 1.0]]},\n"
+        "    irreversible: {given: [[v, T, '0.3*dE.T']]}}\n"
+        "  wall: {law: bracket, irreversible: {given: [['a.T', 'b.T', '3*b.dE.T/a.dE.T']]}}\n"
+        "subsystems:\n"
+        "  \"arm[0:20]\": {model: arm, state: {q: {unit: rad, size: 1},\n"
+        "    v: {unit: rad/s, size: 1, coenergy: true}, T: {unit: K, size: 1, coenergy: true}}}\n"
+        "ports:\n"
+        "  \"wall[0:19]\": {law: bracket, model: wall, between: [\"arm[i]\", \"arm[i+1]\"],\n"
+        "    expose: {\"arm[i]\": T, \"arm[i+1]\": T}}\n";
+    subject s;
+    divided alone;
+    pm_sample *sample = NULL;
+    double z[3 * ARMS];
+    for (int i = 0; i < ARMS; ++i) {
+        z[3 * i] = 0.1 * i;
+        z[3 * i + 1] = 1 - 0.2 * i;
+        z[3 * i + 2] = 290 + i;
+    }
+    open_subject(&s, row, z);
+    divided_open(&alone, s.system, 0, NULL);
+    divided_set_state(&alone, z);
+    require(pm_sample_new(&sample, s.scene));
+    for (int step = 0; step < 20; ++step) {
+        require(pm_monolithic_step(s.simulation));
+        require(divided_step(&alone));
+        divided_fill_sample(&alone, sample);
+        const pm_sample *whole = pm_monolithic_sample(s.simulation);
+        assert_memory_equal(whole->z, sample->z, sizeof z);
+        assert_memory_equal(whole->flux, sample->flux, 19 * sizeof *whole->flux);
+        assert_memory_equal(whole->energy, sample->energy, ARMS * sizeof *whole->energy);
+    }
+    assert_true(fabs(sample->z[1] - z[1]) > 1e-3);
+    pm_sample_free(sample);
+    divided_close(&alone);
+    close_subject(&s);
+}
+
+// --- mistakes ---
+
+static void expect_refusal(const char *model, const char *v, const char *integrator,
+                           const char *expected) {
+    char text[1024];
+    pm_scene *scene = NULL;
+    pm_system *system = NULL;
+    pm_monolithic *simulation = NULL;
+    snprintf(text, sizeof text,
+             "scene: wrong\ntime: {dt: 0.1, steps: 1, integrator: %s}\nmodels:\n  m: {%s}\n"
+             "subsystems:\n  a: {model: m, state: {q: {unit: m, size: 1}, v: {unit: m/s, size: "
+             "%s}}}\n",
+             integrator, model, v);
+    require(pm_scene_parse(&scene, text, "wrong.yaml"));
+    pm_status status = pm_system_load(&system, scene, NULL);
+    status = status == PM_OK ? pm_monolithic_open(&simulation, system) : status;
+    if (status != PM_ECONFIG || strstr(pm_error(), expected) == NULL ||
+        strncmp(pm_error(), "wrong.yaml:", 11) != 0) {
+        fail_msg("%s: status %d, %s; expected \"wrong.yaml:...%s\"", model, status, pm_error(),
+                 expected);
+    }
+    pm_monolithic_close(simulation);
+    pm_system_free(system);
+    pm_scene_free(scene);
+}
+
+static void mistakes_are_refused(void **state) {
+    (void)state;
+    static const char shown_v[] = "1, coenergy: true";
+    expect_refusal("energy: 'q^2'", shown_v, "rk4", "`coenergy` depends on v");
+    expect_refusal("energy: 'q^2+v^2', coenergy: 'v^2'", shown_v, "rk4", "only `coenergy`");
+    expect_refusal("energy: 'q^2', coenergy: 'v^2', entropy: 'v'", shown_v, "rk4",
+                   "only `coenergy`");
+    expect_refusal("energy: 'q^2', coenergy: 'v^2'", "1", "rk4", "`coenergy: true`");
+    expect_refusal("energy: 'q^2', coenergy: '|v|^2'", "17, coenergy: true", "rk4",
+                   "couples 17 components, at most 16");
+    expect_refusal("energy: 'q^2', coenergy: {inertia: {of: [v], first: 1.0}}", shown_v, "rk4",
+                   "an inertia of 1 component, expected 2 to 8");
+    expect_refusal("energy: 'q^2', coenergy: 'v^2'", shown_v, "discrete_gradient",
+                   "cannot step co-energies");
+    expect_refusal("energy: 'q^2', coenergy: 'v^2'", shown_v, "rk4_balanced",
+                   "cannot step co-energies");
+}
+
+int main(void) {
+    pm_linalg_init();
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(both_kinds_of_variables_move_alike),
+        cmocka_unit_test(release_keeps_all_rates),
+        cmocka_unit_test(trainer_takes_the_same_step),
+        cmocka_unit_test(all_divisions_have_the_same_bits),
+        cmocka_unit_test(mistakes_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
