@@ -42,7 +42,21 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
     if (glued == NULL && *i + 1 == argc) {
         return pm_fail(PM_EUSAGE, "%s: %s needs a value (%s)", argv[0], argument, option->value);
     }
-    *option->text = glued != NULL ? glued : argv[++*i];
+    const char *value = glued != NULL ? glued : argv[++*i];
+    pm_words *words = options->words;
+    if (options->several == NULL || strcmp(option->name, options->several) != 0) {
+        *option->text = value;
+        return PM_OK;
+    }
+    words->word = words->word != NULL ? words->word : calloc((size_t)argc, sizeof *words->word);
+    if (words->word == NULL) {
+        return pm_fail(PM_ENOMEM, "%s: out of memory", argv[0]);
+    }
+    words->word[words->count++] = value;
+    while (glued == NULL && *i + 1 < argc && argv[*i + 1][0] != '-') {
+        words->word[words->count++] = argv[++*i];
+    }
+    *option->text = words->word[0];
     return PM_OK;
 }
 
@@ -86,8 +100,9 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
     for (const char *at = options->positional_name; *at != '\0'; ++at) {
         names += *at == ' ';
     }
-    const int least = options->least > 0 ? options->least : names;
+    const int least = options->least > 0 ? options->least : options->least < 0 ? 0 : names;
     const int most = options->most > least ? options->most : least;
+    pm_words *words = options->words;
     const char *unexpected = NULL;
     bool only_positional = false;
     for (int i = 1; i < argc; ++i) {
@@ -101,6 +116,15 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
         } else if (unexpected == NULL) {
             unexpected = argument;
         }
+    }
+    // The last values of `several` may be arguments.
+    const int spare = words == NULL ? 0 : words->count - 1;
+    const int taken = least - found < spare ? least - found : spare;
+    for (int i = 0; i < taken; ++i) {
+        options->positional[found++] = words->word[words->count - taken + i];
+    }
+    if (taken > 0) {
+        words->count -= taken;
     }
     if (found < least || found > most) {
         return fail_positional(options, argv[0], found, unexpected);

@@ -20,15 +20,27 @@ typedef struct pm_option {
     const char *help;
 } pm_option;
 
+// Several values of an option; they point into argv.
+typedef struct pm_words {
+    int count;
+    const char **word; // [count]; the caller frees it
+} pm_words;
+
 typedef struct pm_options {
     const char *usage;           // such as "portmet-train truth CONFIG -o FILE [options]"
     const char *summary;         // paragraphs for the help
     const char *positional_name; // names of the positional arguments, such as "SCENE NAME"
     const char **positional;     // receives the arguments; NULL before reading
-    // Bounds of the number of arguments; both 0: as many arguments as positional_name has names.
+    // Bounds of the number of arguments; both 0: as many arguments as positional_name has names;
+    // least -1: none is needed.
     int least, most;
     int count;
     const pm_option *option; // [count]
+    // The name of an option that may have several values, up to the next option, or NULL. `words`,
+    // which is empty before reading, receives them all, and the option's `text` the first. If
+    // positional arguments are missing in the end, the last values are taken for them.
+    const char *several;
+    pm_words *words;
 } pm_options;
 
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to

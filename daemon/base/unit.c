@@ -50,6 +50,36 @@ static const symbol symbols[] = {
     {"\xc2\xb0", {0}, 0.017453292519943295}, // the sign for degrees
     {"eV", {1, 2, -2}, 1.602176634e-19},
     {"cal", {1, 2, -2}, 4.184},
+    {"\xce\xa9", {1, 2, -3, -2}, 1},     // a capital omega
+    {"\xe2\x84\xa6", {1, 2, -3, -2}, 1}, // the sign for ohm
+    {"rpm", {0, 0, -1}, 0.10471975511965977},
+    {"rev", {0}, 6.283185307179586},
+    {"psi", {1, -1, -2}, 6894.757293168361},
+    {"atm", {1, -1, -2}, 101325},
+    {"mmHg", {1, -1, -2}, 133.322387415},
+    {"inch", {0, 1}, 0.0254},
+    {"ft", {0, 1}, 0.3048},
+    {"lb", {1}, 0.45359237},
+    {"lbf", {1, 1, -2}, 4.4482216152605},
+    {"day", {0, 0, 1}, 86400},
+    {"mph", {0, 1, -1}, 0.44704},
+    {"ppm", {0}, 1e-6},
+};
+
+// Units that are written alone: temperatures with an offset, in K, and numbers.
+typedef struct lone_unit {
+    const char *name;
+    int kelvin; // power
+    double factor, offset;
+} lone_unit;
+
+#define CELSIUS 1, 1, 273.15
+#define FAHRENHEIT 1, 5.0 / 9, 459.67 * 5 / 9
+
+static const lone_unit lone_units[] = {
+    {"degC", CELSIUS},       {"\u00b0C", CELSIUS},  {"\u2103", CELSIUS},   {"deg C", CELSIUS},
+    {"Deg C", CELSIUS},      {"celsius", CELSIUS},  {"Celsius", CELSIUS},  {"degF", FAHRENHEIT},
+    {"\u00b0F", FAHRENHEIT}, {"deg F", FAHRENHEIT}, {"Deg F", FAHRENHEIT}, {"%", 0, 0.01, 0},
 };
 
 // The two signs for micro are U+00B5 and U+03BC in UTF-8.
@@ -108,6 +138,9 @@ static bool multiply(pm_unit *unit, const char *name, size_t length, int sign, i
             unit->power[k] += times * s->power[k];
         }
         unit->factor *= pow((first ? factor : 1) * s->factor, times);
+        unit->angle = unit->angle || is_degree || strcmp(s->name, "rad") == 0 ||
+                      strcmp(s->name, "rpm") == 0 || strcmp(s->name, "rev") == 0;
+        unit->cycles = unit->cycles || strcmp(s->name, "Hz") == 0;
         name += head;
         length -= head;
         first = false;
@@ -175,6 +208,14 @@ pm_unit pm_unit_parse(const char *text) {
     pm_unit unit = {.known = true, .factor = 1};
     int sign = 1, within = 1; // for the next symbol; for symbols in parentheses
     bool inside = false;
+    for (size_t i = 0; i < sizeof lone_units / sizeof *lone_units; ++i) {
+        if (strcmp(lone_units[i].name, text) == 0) {
+            unit.factor = lone_units[i].factor;
+            unit.offset = lone_units[i].offset;
+            unit.power[PM_UNIT_K] = lone_units[i].kelvin;
+            return unit;
+        }
+    }
     if (strcmp(text, "-") == 0) { // the usual sign for a number
         return unit;
     }
@@ -213,10 +254,44 @@ bool pm_unit_equal(const pm_unit *a, const pm_unit *b) {
     return a->known && b->known && memcmp(a->power, b->power, sizeof a->power) == 0;
 }
 
-pm_unit pm_unit_product(const pm_unit *a, const pm_unit *b) {
-    pm_unit product = {.known = a->known && b->known, .factor = a->factor * b->factor};
+static pm_unit combine(const pm_unit *a, const pm_unit *b, int sign) {
+    pm_unit result = {.known = a->known && b->known,
+                      .factor = sign > 0 ? a->factor * b->factor : a->factor / b->factor};
     for (int k = 0; k < PM_UNIT_BASES; ++k) {
-        product.power[k] = a->power[k] + b->power[k];
+        result.power[k] = a->power[k] + sign * b->power[k];
     }
-    return product;
+    return result;
+}
+
+pm_unit pm_unit_product(const pm_unit *a, const pm_unit *b) {
+    return combine(a, b, 1);
+}
+
+pm_unit pm_unit_quotient(const pm_unit *a, const pm_unit *b) {
+    return combine(a, b, -1);
+}
+
+bool pm_unit_conversion(const char *text, const pm_unit *to, double *factor, double *offset) {
+    const pm_unit kelvin = pm_unit_parse("K");
+    const bool warm = pm_unit_equal(to, &kelvin);
+    const pm_unit from = pm_unit_parse(warm && strcmp(text, "C") == 0   ? "degC"
+                                       : warm && strcmp(text, "F") == 0 ? "degF"
+                                                                        : text);
+    if (!pm_unit_equal(&from, to) || (from.cycles && to->angle) || (from.angle && to->cycles)) {
+        return false;
+    }
+    *factor = from.factor / to->factor;
+    *offset = (from.offset - to->offset) / to->factor;
+    return true;
+}
+
+const char *pm_unit_symbol(const pm_unit *unit) {
+    for (size_t i = 0; i < sizeof symbols / sizeof *symbols && unit->known; ++i) {
+        if (symbols[i].factor == unit->factor && strcmp(symbols[i].name, "Hz") != 0 &&
+            strcmp(symbols[i].name, "rad") != 0 &&
+            memcmp(symbols[i].power, unit->power, sizeof unit->power) == 0) {
+            return symbols[i].name;
+        }
+    }
+    return NULL;
 }

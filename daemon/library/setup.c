@@ -42,6 +42,7 @@ static pm_status load_reference(pm_setup *setup) {
     if (status != PM_OK) {
         return pm_fail(status, "%s: %s", scene->run.reference_at, pm_error());
     }
+    PM_TRY(pm_columns_convert(scene, setup->reference));
     const pm_dataset *reference = setup->reference;
     PM_TRY(pm_system_check_dataset(setup->system, reference, scene->run.reference));
     PM_TRY(check_trajectory(setup, reference));

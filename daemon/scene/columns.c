@@ -6,6 +6,7 @@
 
 #include <string.h>
 
+#include "base/unit.h"
 #include "store/names.h"
 
 // Finds the columns of a subsystem's state. `mapped` marks the columns of the dataset that are
@@ -50,7 +51,7 @@ pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_i
                ? PM_OK
                : pm_fail(PM_EDATA,
                          "%s: group %s.%s has the unit \"%s\", and the dataset's column \"%s\" has "
-                         "\"%s\"; values are not converted",
+                         "\"%s\", which cannot be converted",
                          subsystem->group_at[group_id], subsystem->name, group->name, group->unit,
                          column, unit);
 }
@@ -118,6 +119,100 @@ static pm_status order_components(pm_columns *c, const pm_scene *scene, const pm
     }
     return PM_OK;
 }
+
+// --- units ---
+
+// The columns of a dataset, and what they are converted to. The arrays [ncolumn] lie in the
+// dataset's arena.
+typedef struct converter {
+    pm_arena *arena;
+    pm_names names;
+    const char **unit;      // of the file, then that of the scene
+    pm_unit_change *change; // factor 0: the scene does not use the column yet
+} converter;
+
+// Converts a column to a unit, called `to`, in which the scene uses it.
+static pm_status convert_column(converter *c, const char *column, const pm_unit *unit,
+                                const char *to, const char *at) {
+    const int k = column == NULL ? -1 : pm_names_find(&c->names, column);
+    pm_unit_change own = {0};
+    if (k < 0) {
+        return PM_OK;
+    }
+    pm_unit_change *change = &c->change[k];
+    own.from = change->from == NULL ? c->unit[k] : change->from;
+    if (*own.from == '\0' || !pm_unit_conversion(own.from, unit, &own.factor, &own.offset)) {
+        return PM_OK;
+    }
+    if (change->factor != 0 && (change->factor != own.factor || change->offset != own.offset)) {
+        return pm_fail(PM_ECONFIG, "%s: the column \"%s\" is used in %s, and elsewhere in %s", at,
+                       column, to, c->unit[k]);
+    }
+    if (change->factor == 0 && strcmp(c->unit[k], to) != 0) {
+        c->unit[k] = to;
+        *change = own;
+    } else if (change->factor == 0) {
+        change->factor = own.factor;
+    }
+    return PM_OK;
+}
+
+// Converts the columns that a boundary input follows.
+static pm_status convert_prescribed(converter *c, const pm_scene_boundary_input *input) {
+    const pm_unit joule = pm_unit_parse("J"), entropy = pm_unit_parse("J/K");
+    int g = 0;
+    for (int i = 0; i < input->layout.nz; ++i) {
+        g += i >= input->layout.group[g].first + input->layout.group[g].size;
+        const char *own = input->layout.group[g].unit;
+        const pm_unit state = pm_unit_parse(own);
+        const pm_unit unit[3] = {state, pm_unit_quotient(&joule, &state),
+                                 pm_unit_quotient(&entropy, &state)};
+        for (int k = 0; k < 3; ++k) {
+            const pm_scene_prescribed *value = &input->value[k * input->layout.nz + i];
+            const char *symbol = k == 0 ? own : pm_unit_symbol(&unit[k]);
+            const char *to = symbol != NULL
+                                 ? pm_arena_strdup(c->arena, symbol)
+                                 : pm_arena_printf(c->arena, "%s/(%s)", k == 1 ? "J" : "J/K", own);
+            PM_TRY(pm_arena_status(c->arena, "units"));
+            PM_TRY(convert_column(c, value->column, &unit[k], to, value->at));
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_columns_convert(const pm_scene *scene, pm_dataset *dataset) {
+    converter c = {.arena = &dataset->arena};
+    PM_TRY(pm_dataset_units(dataset, c.arena, &c.unit));
+    if (c.unit == NULL) {
+        return PM_OK;
+    }
+    PM_TRY(pm_names_sort(&c.names, dataset->column, dataset->ncolumn, c.arena));
+    c.change = pm_arena_array(c.arena, (size_t)dataset->ncolumn, sizeof *c.change);
+    PM_TRY(pm_arena_status(c.arena, "units"));
+    for (int s = 0; s < scene->physics.nsubsystem; ++s) {
+        const pm_scene_subsystem *subsystem = &scene->physics.subsystem[s];
+        for (int g = 0; g < subsystem->layout.ngroup && subsystem->column != NULL; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            const char *to = pm_arena_strdup(c.arena, group->unit);
+            const pm_unit unit = pm_unit_parse(group->unit);
+            PM_TRY(pm_arena_status(c.arena, "units"));
+            for (int i = group->first; i < group->first + group->size; ++i) {
+                PM_TRY(convert_column(&c, subsystem->column[i], &unit, to, subsystem->group_at[g]));
+            }
+        }
+    }
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        PM_TRY(convert_prescribed(&c, &scene->physics.boundary_input[i]));
+    }
+    for (int k = 0; k < dataset->ncolumn; ++k) {
+        if (c.change[k].from != NULL) {
+            return pm_dataset_change_units(dataset, c.change, c.unit);
+        }
+    }
+    return PM_OK;
+}
+
+// --- binding ---
 
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena) {

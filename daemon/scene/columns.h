@@ -18,6 +18,13 @@ typedef struct pm_columns {
     const char **group_name; // [ngroup]
 } pm_columns;
 
+// Converts the columns of a dataset to the units of the scene: those of groups to the unit of the
+// group, those that boundary inputs follow to that of the value or co-energy. Columns of other
+// quantities, or whose unit is not known, stay as they are; so do those of observations, whose
+// formulas say what they show. The dataset notes what was converted. Call it after loading, before
+// the dataset is used. PM_ECONFIG: a column has two uses in different units; PM_EDATA; PM_ENOMEM.
+pm_status pm_columns_convert(const pm_scene *scene, pm_dataset *dataset);
+
 // Finds the scene's columns in the dataset. The arrays lie in the arena; the names are borrowed
 // from the scene. PM_EDATA: the dataset lacks a column, and the message lists those that it has; or
 // the unit of a column in the dataset (dataset.h) differs from the unit in the scene. PM_ECONFIG:
@@ -27,7 +34,7 @@ pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_d
                           pm_arena *arena);
 
 // Compares the unit of a column in the dataset with that of the group that the scene maps it to,
-// letter by letter; an empty unit is not known and equals any. PM_EDATA: they differ.
+// after pm_columns_convert; an empty unit is not known and equals any. PM_EDATA: they differ.
 pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_id,
                                 const char *column, const char *unit);
 

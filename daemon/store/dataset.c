@@ -164,6 +164,62 @@ pm_status pm_dataset_units(const pm_dataset *dataset, pm_arena *arena, const cha
                          dataset->ncolumn, text);
 }
 
+static pm_status note_units(pm_dataset *d, const char *const *unit) {
+    size_t size = 1;
+    for (int k = 0; k < d->ncolumn; ++k) {
+        size += strlen(unit[k]) + 1;
+    }
+    char *text = pm_arena_alloc(&d->arena, size), *end = text;
+    for (int k = 0; text != NULL && k < d->ncolumn; ++k) {
+        end = stpcpy(stpcpy(end, k == 0 ? "" : ";"), unit[k]);
+    }
+    PM_TRY(pm_arena_status(&d->arena, "units"));
+    return note_keep(d, "units", text);
+}
+
+static void scale_column(pm_dataset *d, int column, double factor, double offset) {
+    const size_t count = (size_t)d->ntrajectory * (size_t)d->ntime, n = (size_t)d->ncolumn;
+    for (size_t i = 0; i < count; ++i) {
+        double *z = d->z + i * n + (size_t)column;
+        *z = factor * *z + offset;
+        if (d->zdot != NULL) {
+            d->zdot[i * n + (size_t)column] *= factor;
+        }
+    }
+}
+
+pm_status pm_dataset_change_units(pm_dataset *dataset, const pm_unit_change *change,
+                                  const char *const *to) {
+    assert(dataset->change == NULL);
+    for (int k = 0; k < dataset->ncolumn; ++k) {
+        if (change[k].from != NULL) {
+            scale_column(dataset, k, change[k].factor, change[k].offset);
+        }
+    }
+    dataset->change = change;
+    return note_units(dataset, to);
+}
+
+double pm_dataset_unchanged(const pm_dataset *dataset, int column, double value) {
+    const pm_unit_change *change = dataset->change == NULL ? NULL : &dataset->change[column];
+    return change == NULL || change->from == NULL ? value
+                                                  : (value - change->offset) / change->factor;
+}
+
+pm_status pm_dataset_restore_units(pm_dataset *dataset, const pm_dataset *given) {
+    const char **unit;
+    assert(dataset->ncolumn == given->ncolumn);
+    PM_TRY(pm_dataset_units(given, &dataset->arena, &unit));
+    for (int k = 0; k < given->ncolumn && given->change != NULL && unit != NULL; ++k) {
+        const pm_unit_change *change = &given->change[k];
+        if (change->from != NULL) {
+            scale_column(dataset, k, 1 / change->factor, -change->offset / change->factor);
+            unit[k] = change->from;
+        }
+    }
+    return unit == NULL ? PM_OK : note_units(dataset, unit);
+}
+
 // --- checks ---
 
 pm_status pm_times_check(const char *path, int ntime, const double *t, double dt) {

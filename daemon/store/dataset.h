@@ -8,8 +8,9 @@
 //                                      f0 to f179 (names.h), and is used for more than 60 kB of
 //                                      names
 //   units, attribute of /              optional: units of the columns, separated by ';'. An empty
-//                                      text is a unit that is not known. A scene must state the
-//                                      same text as the unit of the column's group
+//                                      text is a unit that is not known. Readers convert a column
+//                                      to the unit of the group that a scene maps it to
+//                                      (scene/columns.h)
 // A trajectory may be shorter than the others: its last rows of /z are NaN then, and so may be its
 // times, in a /t [trajectory][time]. A file of measurements (pm_dataset_load_measured) may have
 // uneven times, and NaN where a sample is missing. Other text attributes of / are notes, such as
@@ -28,6 +29,12 @@ typedef struct pm_note {
     const char *name, *text;
 } pm_note;
 
+// How a column was converted: z = factor x + offset, where x has the unit `from`.
+typedef struct pm_unit_change {
+    double factor, offset;
+    const char *from; // NULL: the column was not converted
+} pm_unit_change;
+
 typedef struct pm_dataset {
     pm_arena arena; // owns all that follows
     int ntrajectory, ntime, ncolumn;
@@ -40,6 +47,7 @@ typedef struct pm_dataset {
     // [ntrajectory][ntime] s, of a measured dataset whose times are not dt apart or differ between
     // trajectories; NaN after the last sample of a shorter trajectory. NULL: all have the times t.
     double *times;
+    const pm_unit_change *change; // [ncolumn]; NULL: no column was converted
     int nnote;
     const pm_note *note; // [nnote]
 } pm_dataset;
@@ -76,6 +84,16 @@ const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name);
 // there is no such note. An empty text is a unit that is not known. PM_EDATA: the note has another
 // number of units; PM_ENOMEM.
 pm_status pm_dataset_units(const pm_dataset *dataset, pm_arena *arena, const char ***unit);
+// Converts the columns k with change[k].from != NULL [ncolumn], once for a dataset: z becomes
+// factor z + offset, and zdot factor zdot. to [ncolumn] are the units of all columns after that,
+// for the note `units`. Both arrays must live as long as the dataset. PM_ENOMEM.
+pm_status pm_dataset_change_units(pm_dataset *dataset, const pm_unit_change *change,
+                                  const char *const *to);
+// Returns a number of the column `column` in the unit that it had before pm_dataset_change_units.
+double pm_dataset_unchanged(const pm_dataset *dataset, int column, double value);
+// Converts all columns of `dataset`, which has the columns of `given`, back to the units that
+// `given` had before its columns were converted, and copies its units. PM_EDATA; PM_ENOMEM.
+pm_status pm_dataset_restore_units(pm_dataset *dataset, const pm_dataset *given);
 // Adds rates to be filled; they are zero. PM_ENOMEM.
 pm_status pm_dataset_with_rates(pm_dataset *dataset);
 // Checks the dataset and writes it; the file appears whole or not at all. PM_EFILE, PM_EDATA,

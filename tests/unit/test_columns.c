@@ -197,6 +197,58 @@ static void units_must_be_those_of_the_scene(void **state) {
     }
 }
 
+static void units_become_those_of_the_scene_and_come_back(void **state) {
+    (void)state;
+    pm_dataset *d = NULL;
+    pm_scene_prescribed value[3] = {{.column = "x", .at = "f:1:40"}, {.number = 1}, {.number = 0}};
+    pm_group volume = {.name = "v", .unit = "m^3", .size = 1};
+    pm_scene_boundary_input input = {
+        .name = "inflow", .layout = {.ngroup = 1, .nz = 1, .group = &volume}, .value = value};
+    scene.physics.nboundary_input = 1;
+    scene.physics.boundary_input = &input;
+    assert_int_equal(pm_dataset_new(&d, 1, 2, NCOLUMN, 1, names), PM_OK);
+    assert_int_equal(pm_dataset_with_rates(d), PM_OK);
+    for (int k = 0; k < 2 * NCOLUMN; ++k) {
+        d->z[k] = k % NCOLUMN;
+        d->zdot[k] = 1;
+    }
+    d->z[NCOLUMN + 1] = NAN;
+    pm_dataset *other = NULL; // whose numbers the scene predicts
+    assert_int_equal(pm_dataset_new(&other, 1, 2, NCOLUMN, 1, names), PM_OK);
+    assert_int_equal(pm_dataset_note(d, "units", "1;mm;mm;kJ/K;J/K;m;m;L;m;metre;J/K"), PM_OK);
+    assert_int_equal(pm_columns_convert(&scene, d), PM_OK);
+    assert_string_equal(pm_dataset_find_note(d, "units"), "1;m;m;J/K;J/K;m;m;m^3;m;metre;J/K");
+    const double expected[NCOLUMN] = {0, 1e-3, 2e-3, 3e3, 4, 5, 6, 7e-3, 8, 9, 10};
+    for (int k = 0; k < NCOLUMN; ++k) {
+        assert_true(fabs(d->z[k] - expected[k]) <= 1e-15 * expected[k]);
+        assert_true(fabs(pm_dataset_unchanged(d, k, d->z[k]) - k) <= 1e-14 * k);
+    }
+    assert_true(isnan(d->z[NCOLUMN + 1]) && d->zdot[3] == 1e3 && d->zdot[NCOLUMN + 3] == 1e3);
+    // A unit that is not known must be that of the scene.
+    dataset = *d;
+    assert_bind_fails(PM_EDATA, "has \"metre\", which cannot be converted");
+    memcpy(other->z, d->z, 2 * NCOLUMN * sizeof *d->z);
+    assert_int_equal(pm_dataset_restore_units(other, d), PM_OK);
+    assert_string_equal(pm_dataset_find_note(other, "units"), "1;mm;mm;kJ/K;J/K;m;m;L;m;metre;J/K");
+    for (int k = 0; k < NCOLUMN; ++k) {
+        assert_true(fabs(other->z[k] - k) <= 1e-14 * k);
+    }
+    // A column has one unit: here a volume and, elsewhere, litres.
+    pm_dataset_free(d);
+    pm_group litres = {.name = "v", .unit = "L", .size = 1};
+    pm_scene_boundary_input both[2] = {input, input};
+    both[1].layout.group = &litres;
+    scene.physics.nboundary_input = 2;
+    scene.physics.boundary_input = both;
+    assert_int_equal(pm_dataset_new(&d, 1, 2, NCOLUMN, 1, names), PM_OK);
+    assert_int_equal(pm_dataset_note(d, "units", ";;;;;;;mL;;;"), PM_OK);
+    assert_int_equal(pm_columns_convert(&scene, d), PM_ECONFIG);
+    assert_non_null(
+        strstr(pm_error(), "f:1:40: the column \"x\" is used in L, and elsewhere in m^3"));
+    pm_dataset_free(other);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(relative_positions_are_differences_of_columns, setup,
@@ -210,6 +262,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_long_list_of_columns_is_cut_short, setup, teardown),
         cmocka_unit_test_setup_teardown(bad_maps_are_refused, setup, teardown),
         cmocka_unit_test_setup_teardown(units_must_be_those_of_the_scene, setup, teardown),
+        cmocka_unit_test_setup_teardown(units_become_those_of_the_scene_and_come_back, setup,
+                                        teardown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -32,6 +32,11 @@ cd "$folder" || exit 1
 grep -q "steps in violation: 0;" "$folder/run.out" || fail "portmetd does not show its tables"
 "$prefix/bin/portmet-train" truth "$share/configs/truth/double_pendulum.yaml" --trajectories 0:1 \
     -o "$folder/truth.h5" >"$folder/truth.out" 2>&1 || fail "portmet-train does not read an installed truth file"
+if /usr/bin/python3 -c 'import h5py' 2>/dev/null; then
+    printf 't,x\n0,1\n1,2\n' >"$folder/table.csv"
+    "$prefix/bin/portmet-train" import "$folder/table.csv" -o "$folder/table.h5" >"$folder/table.out" 2>&1 ||
+        fail "the installed portmet-train does not read tables: $(cat "$folder/table.out")"
+fi
 found=$(PKG_CONFIG_PATH=$prefix/share/pkgconfig pkg-config --variable=lcmtypes portmet)
 [ "$(realpath "$found")" = "$(realpath "$share/lcmtypes")" ] || fail "pkg-config names $found"
 if [ "$(id -u)" -eq 0 ] && unshare -n true 2>/dev/null; then

@@ -220,10 +220,10 @@ expect 5 'in the same units' import "$folder/swing_1.csv" "$folder/other.csv" -o
 sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/degrees.yaml"
 sed 's/(rad)/(deg)/' "$folder/swing_1.csv" >"$folder/degrees.csv"
 succeed "1 trajectories" import "$folder/degrees.csv" -o "$folder/degrees.h5"
-expect 5 'group arm.q has the unit "rad", and the dataset'"'"'s column "angle" has "deg"' evaluate "$folder/degrees.yaml" \
+succeed "converts angle from deg to rad" evaluate "$folder/degrees.yaml" \
     --weights "$folder/weights" --data "$folder/degrees.h5" --estimate 1
 printf 'when,a\n0,1\n1,2\n' >"$folder/bad.csv"
-expect 5 'name it with --time, one of: when a' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'the columns are: when a' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't [m],a\n0,1\n1,2\n' >"$folder/bad.csv"
 expect 5 '"m" is no unit of time' import "$folder/bad.csv" -o "$folder/no.h5"
 sed 's/hidden: true/hidden: {gues: 1}/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
@@ -239,11 +239,11 @@ expect 5 'has 1 samples within 0.001 s' evaluate "$folder/pendulum.yaml" --weigh
 printf 't,a\n0,1\n1,x\n' >"$folder/bad.csv"
 expect 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't,a\n0,1\n1,2,3\n' >"$folder/bad.csv"
-expect 5 'bad.csv:3: expected 2 columns as in the first line, found 3' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'bad.csv:3: expected 2 columns as in the other lines, found 3' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 'a,b\n0,1\n1,2\n' >"$folder/bad.csv"
 expect 5 'there is no column "t"' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't,a\n0,1\n0,2\n' >"$folder/bad.csv"
-expect 5 'expected rising times' import "$folder/bad.csv" -o "$folder/no.h5"
+expect 5 'all rows have the time 0 s, expected rising times' import "$folder/bad.csv" -o "$folder/no.h5"
 expect 4 'cannot be read' import "$folder/missing.csv" -o "$folder/no.h5"
 [ ! -e "$folder/no.h5" ] || fail "a refused table left a file"
 sed -i 's/{angle: 0.005}/{angel: 0.005}/' "$folder/training.yaml"

@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 // cmocka needs the above.
 #include <cmocka.h>
@@ -12,6 +13,7 @@
 typedef struct given {
     const char *output, *data, *positional[3];
     bool quiet, helped;
+    pm_words several;
 } given;
 
 // Reads up to 7 words before a NULL as the command "save" with positional arguments "SCENE NAME".
@@ -21,6 +23,7 @@ static pm_status read_words(given *g, const char *const *word, int least, int mo
         char *argv[9]; // options are read only, though argv is not const
     } line = {.word = {"save"}};
     int argc = 1;
+    free(g->several.word);
     *g = (given){0};
     for (; word[argc - 1] != NULL; ++argc) {
         line.word[argc] = word[argc - 1];
@@ -39,6 +42,8 @@ static pm_status read_words(given *g, const char *const *word, int least, int mo
         .most = most,
         .count = sizeof table / sizeof table[0],
         .option = table,
+        .several = "--data",
+        .words = &g->several,
     };
     return pm_options_read(&options, argc, line.argv, &g->helped);
 }
@@ -54,18 +59,40 @@ static void options_stand_anywhere(void **state) {
         WORDS("-o", "x", "-q", "--", "a", "b"),
     };
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; ++i) {
-        given g;
+        given g = {0};
         assert_int_equal(read_words(&g, lines[i], 0, 0), PM_OK);
         assert_string_equal(g.output, "x");
         assert_string_equal(g.positional[0], "a");
         assert_string_equal(g.positional[1], "b");
         assert_true(g.quiet && g.data == NULL && !g.helped);
     }
-    given g;
+    given g = {0};
     assert_int_equal(read_words(&g, WORDS("-o", "x", "--", "-a", "--data"), 0, 0), PM_OK);
     assert_string_equal(g.positional[1], "--data");
     assert_int_equal(read_words(&g, WORDS("-o", "-x", "a", "b", "--data="), 0, 0), PM_OK);
     assert_true(strcmp(g.output, "-x") == 0 && strcmp(g.data, "") == 0);
+}
+
+static void an_option_has_several_values(void **state) {
+    (void)state;
+    given g = {0};
+    assert_int_equal(read_words(&g, WORDS("a", "b", "--data", "x", "y", "z", "-o", "o"), 0, 0),
+                     PM_OK);
+    assert_string_equal(g.data, "x");
+    assert_int_equal(g.several.count, 3);
+    assert_string_equal(g.several.word[2], "z");
+    assert_int_equal(read_words(&g, WORDS("a", "-o", "o", "--data=x", "b"), 0, 0), PM_OK);
+    assert_int_equal(g.several.count, 1);
+    // The last values are arguments that are missing, but never the first value.
+    assert_int_equal(read_words(&g, WORDS("-o", "o", "--data", "x", "y", "a", "b"), 0, 0), PM_OK);
+    assert_int_equal(g.several.count, 2);
+    assert_string_equal(g.positional[0], "a");
+    assert_string_equal(g.positional[1], "b");
+    assert_int_equal(read_words(&g, WORDS("-o", "o", "--data", "x", "a"), 0, 0), PM_EUSAGE);
+    assert_int_equal(read_words(&g, WORDS("-o", "o", "--data", "x", "y"), -1, 2), PM_OK);
+    assert_int_equal(g.several.count, 2);
+    assert_null(g.positional[0]);
+    free(g.several.word);
 }
 
 static void mistakes_are_named(void **state) {
@@ -86,13 +113,13 @@ static void mistakes_are_named(void **state) {
         {WORDS("a", "b", "-x"), 0, 0, "unknown option \"-x\""},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; ++i) {
-        given g;
+        given g = {0};
         assert_int_equal(read_words(&g, cases[i].word, cases[i].least, cases[i].most), PM_EUSAGE);
         if (strstr(pm_error(), cases[i].error) == NULL) {
             fail_msg("found \"%s\", expected \"%s\"", pm_error(), cases[i].error);
         }
     }
-    given g;
+    given g = {0};
     assert_int_equal(read_words(&g, WORDS("-o", "x", "a", "b", "c"), 1, 3), PM_OK);
     assert_string_equal(g.positional[2], "c");
     assert_int_equal(read_words(&g, WORDS("-o", "x", "a"), 1, 3), PM_OK);
@@ -100,7 +127,7 @@ static void mistakes_are_named(void **state) {
 
 static void help_needs_nothing_else(void **state) {
     (void)state;
-    given g;
+    given g = {0};
     assert_int_equal(read_words(&g, WORDS("--wrong", "--help"), 0, 0), PM_OK);
     assert_true(g.helped);
 }
@@ -149,9 +176,9 @@ static void numbers_are_checked(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(options_stand_anywhere),  cmocka_unit_test(mistakes_are_named),
-        cmocka_unit_test(help_needs_nothing_else), cmocka_unit_test(ranges_count_from_zero),
-        cmocka_unit_test(numbers_are_checked),
+        cmocka_unit_test(options_stand_anywhere), cmocka_unit_test(an_option_has_several_values),
+        cmocka_unit_test(mistakes_are_named),     cmocka_unit_test(help_needs_nothing_else),
+        cmocka_unit_test(ranges_count_from_zero), cmocka_unit_test(numbers_are_checked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -58,6 +58,44 @@ static void units_are_read_as_people_write_them(void **state) {
                 "C", false); // a temperature with an offset, which is no power
 }
 
+static void assert_conversion(const char *text, const char *to, double x, double expected) {
+    const pm_unit unit = pm_unit_parse(to);
+    double factor = NAN, offset = NAN;
+    const bool found = pm_unit_conversion(text, &unit, &factor, &offset);
+    if (found != isfinite(expected) ||
+        (found && fabs(factor * x + offset - expected) > 1e-13 * fabs(expected))) {
+        fail_msg("%.17g %s: found %.17g %s, expected %.17g", x, text, factor * x + offset, to,
+                 expected);
+    }
+}
+
+static void units_are_converted(void **state) {
+    (void)state;
+    assert_conversion("degC", "K", 20, 293.15);
+    assert_conversion("\u00b0C", "K", -273.15, 0);
+    assert_conversion("C", "K", 0, 273.15);
+    assert_conversion("C", "mC", 1, 1000); // a charge
+    assert_conversion("degF", "degC", 212, 100);
+    assert_conversion("K", "degC", 293.15, 20);
+    assert_conversion("W/K", "kW/K", 500, 0.5);
+    assert_conversion("rpm", "rad/s", 60, 6.283185307179586);
+    assert_conversion("rev/min", "rad/s", 60, 6.283185307179586);
+    assert_conversion("deg/s", "rad/s", 180, 3.141592653589793);
+    assert_conversion("bar", "Pa", 1.5, 1.5e5);
+    assert_conversion("L/min", "m^3/s", 60, 1e-3);
+    assert_conversion("km/h", "m/s", 36, 10);
+    assert_conversion("%", "1", 30, 0.3);
+    assert_conversion("k\u03a9", "Ohm", 2, 2000);
+    assert_conversion("Hz", "1/s", 50, 50);
+    assert_conversion("Hz", "rad/s", 50, NAN); // or 2 pi times as many
+    assert_conversion("V", "A", 1, NAN);
+    assert_conversion("furlong", "furlong", 1, NAN);
+    const pm_unit joule = pm_unit_parse("J"), metre = pm_unit_parse("m");
+    const pm_unit force = pm_unit_quotient(&joule, &metre);
+    assert_string_equal(pm_unit_symbol(&force), "N");
+    assert_null(pm_unit_symbol(&(pm_unit){.known = true, .factor = 1}));
+}
+
 static void assert_factor(const char *text, const char *base, double factor) {
     const pm_unit unit = pm_unit_parse(text);
     assert_unit(text, base, true);
@@ -434,6 +472,7 @@ int main(void) {
         cmocka_unit_test(units_are_powers_of_base_units),
         cmocka_unit_test(units_are_read_as_people_write_them),
         cmocka_unit_test(prefixes_are_factors),
+        cmocka_unit_test(units_are_converted),
         cmocka_unit_test(every_fifth_is_kept_back),
         cmocka_unit_test(a_dataset_is_sorted_by_the_choice),
         cmocka_unit_test(data_say_what_moves_with_what),

@@ -12,6 +12,8 @@
 
 #include "base/options.h"
 #include "base/progress.h"
+#include "command/tables.h"
+#include "data/unit_change.h"
 #include "evaluate/evaluate.h"
 #include "evaluate/evaluate_plot.h"
 #include "evaluate/evaluate_report.h"
@@ -56,6 +58,7 @@ static pm_status roll_out(pm_evaluation **evaluation, const job *j, int count) {
 
 static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
     PM_TRY(pm_dataset_load(&j->truth, a->data));
+    PM_TRY(pm_unit_change_apply(j->scene, j->truth, !a->json));
     PM_TRY(pm_system_check_dataset(j->system, j->truth, a->data));
     const size_t n = (size_t)j->truth->ntrajectory;
     j->seen = calloc(n, sizeof *j->seen);
@@ -115,27 +118,27 @@ static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
 
 // Writes the predicted trajectories as a dataset.
 static pm_status record(const pm_evaluation *e, const char *path, const char *command) {
-    static const char *const kept[] = {"units", "coordinates"};
     pm_dataset *predicted = e->predicted;
     PM_TRY(pm_dataset_note(predicted, "title", "Rollouts of scene %s", e->system->scene->name));
     PM_TRY(pm_dataset_note(predicted, "source", "portmet-train evaluate"));
     PM_TRY(pm_dataset_note(predicted, "command", "%s", command));
     PM_TRY(pm_dataset_note(predicted, "first_trajectory", "%d", e->rollout[0].trajectory));
     PM_TRY(pm_dataset_note(predicted, "digest", "%016llx", (unsigned long long)e->system->digest));
-    for (size_t i = 0; i < sizeof kept / sizeof *kept; ++i) {
-        const char *text = pm_dataset_find_note(e->truth, kept[i]);
-        if (text != NULL) {
-            PM_TRY(pm_dataset_note(predicted, kept[i], "%s", text));
-        }
-    }
+    const char *coordinates = pm_dataset_find_note(e->truth, "coordinates");
+    PM_TRY(coordinates == NULL ? PM_OK
+                               : pm_dataset_note(predicted, "coordinates", "%s", coordinates));
+    // The file has the units of the given one.
+    PM_TRY(pm_dataset_restore_units(predicted, e->truth));
     return pm_dataset_save(predicted, path);
 }
 
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_evaluate_arguments a = {0};
+    pm_words given = {0};
     bool helped = false;
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a.data, true, "dataset to score against (HDF5)"},
+        {"--data", "-d", "FILE...", NULL, &a.data, true,
+         "dataset to score against, or tables (see import --help)"},
         {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
          "only these trajectories; default: those not used in training"},
         {"--trained", NULL, "A:B", NULL, &a.trained, false,
@@ -160,7 +163,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
         {"--json", NULL, NULL, &a.json, NULL, false, "print JSON instead of tables"},
     };
     const pm_options options = {
-        .usage = "portmet-train evaluate SCENE --data FILE [options]",
+        .usage = "portmet-train evaluate SCENE --data FILE... [options]",
         .summary =
             "Rolls a scene out from the first state of each trajectory. Prints the relative L2\n"
             "error of each group of variables per trajectory and per snapshot (whiskers of 1.5\n"
@@ -172,21 +175,26 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
         .positional = &a.scene,
         .count = sizeof table / sizeof *table,
         .option = table,
+        .several = "--data",
+        .words = &given,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--states", a.states));
-    PM_TRY(pm_options_output("--record", a.record));
-    if (helped) {
-        return PM_OK;
-    }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     job j = {.stop = stop};
+    pm_data_file data = {0};
     double seconds = 0;
     pm_status status;
-    if (a.estimate != NULL) {
-        PM_TRY(pm_options_positive("--estimate", a.estimate, &seconds));
+    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY_DONE(pm_options_output("--states", a.states));
+    PM_TRY_DONE(pm_options_output("--record", a.record));
+    if (helped) {
+        goto done;
     }
+    if (a.estimate != NULL) {
+        PM_TRY_DONE(pm_options_positive("--estimate", a.estimate, &seconds));
+    }
+    PM_TRY_DONE(pm_data_open(&data, &given, NULL, a.json));
+    a.data = data.path;
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
     if (a.estimate != NULL) {
@@ -214,6 +222,8 @@ done:
     pm_dataset_free(j.truth);
     pm_system_free(j.system);
     pm_scene_free(j.scene);
+    pm_data_close(&data);
+    free(given.word);
     free(j.seen);
     free(j.which);
     return status;

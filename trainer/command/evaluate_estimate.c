@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "data/unit_change.h"
 #include "evaluate/evaluate.h"
 #include "evaluate/gnuplot.h"
 #include "inference/estimate.h"
@@ -69,6 +70,7 @@ static double longest(const prediction *j) {
 static pm_status score_truth(prediction *j) {
     const pm_estimate *e = &j->estimate;
     PM_TRY(pm_dataset_load(&j->truth, j->how->truth));
+    PM_TRY(pm_unit_change_apply(j->system->scene, j->truth, false));
     PM_TRY(pm_columns_bind(&j->columns, j->system->scene, j->truth, &j->arena));
     const pm_dataset *truth = j->truth;
     const int ngroup = j->columns.ngroup;
@@ -268,8 +270,9 @@ static pm_status write_record(const prediction *j) {
     }
     for (size_t i = 0; i < rows; ++i) {
         for (int c = 0; c < e->ny; ++c) {
-            y[i * (size_t)d->ncolumn + (size_t)j->observation.column[c]] =
-                e->y[i * (size_t)e->ny + (size_t)c];
+            const int column = j->observation.column[c];
+            y[i * (size_t)d->ncolumn + (size_t)column] =
+                pm_dataset_unchanged(d, column, e->y[i * (size_t)e->ny + (size_t)c]);
         }
         t[i] = pm_dataset_time(d, j->which[i / (size_t)d->ntime], (int)(i % (size_t)d->ntime));
         number[i / (size_t)d->ntime] = j->which[i / (size_t)d->ntime];
@@ -283,8 +286,10 @@ static pm_status write_record(const prediction *j) {
             y[i] = NAN;
         }
         for (size_t i = 0; i < rows * (size_t)e->ny; ++i) {
-            y[i / (size_t)e->ny * (size_t)d->ncolumn +
-              (size_t)j->observation.column[i % (size_t)e->ny]] = e->deviation[i];
+            const int column = j->observation.column[i % (size_t)e->ny];
+            y[i / (size_t)e->ny * (size_t)d->ncolumn + (size_t)column] =
+                pm_dataset_unchanged(d, column, e->deviation[i]) -
+                pm_dataset_unchanged(d, column, 0);
         }
         PM_TRY_DONE(pm_hdf5_write(file, "/deviation", 3, shape, y));
         PM_TRY_DONE(pm_hdf5_write(file, "/state_deviation", 3, states, e->state_deviation));
@@ -428,6 +433,7 @@ static pm_status draw_coverage(const prediction *j) {
 static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     const char *name = j->how->data_set == NULL ? "z" : j->how->data_set;
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
+    PM_TRY(pm_unit_change_apply(j->system->scene, j->data, !j->how->json));
     PM_TRY(pm_observation_bind(&j->observation, j->system, j->data, &j->arena));
     // The trajectories of the command line, or else those that training did not use.
     const int n = j->data->ntrajectory;

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/options.h"
+#include "command/tables.h"
 #include "fit/fit.h"
 #include "propose/propose.h"
 
@@ -101,11 +102,35 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
     return status;
 }
 
+// Trains in a team if mpirun has started one. Its first process prints, and says why a training has
+// failed.
+static pm_status fit_in_team(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
+    if (!pm_team_is_called()) {
+        return fit(a, stop);
+    }
+    pm_team team = {0};
+    pm_status status = pm_team_join(&team);
+    if (status != PM_OK) {
+    } else if (!pm_team_leads(&team) && freopen("/dev/null", "w", stdout) == NULL) {
+        status = pm_fail(PM_EFILE, "/dev/null: cannot be opened");
+    } else if (a->black_box) {
+        status = pm_fail(PM_EUSAGE, "--black-box compares CPU times: start it without mpirun");
+    } else {
+        a->team = &team;
+        status = fit(a, stop);
+    }
+    const bool together = pm_team_leave(&team, status != PM_OK);
+    return status != PM_OK && together && !pm_team_leads(&team) ? pm_fail(status, "%s", "")
+                                                                : status;
+}
+
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_fit_arguments a = {0};
+    pm_words given = {0};
     bool helped = false;
     const pm_option option[] = {
-        {"--data", "-d", "FILE", NULL, &a.data, false, "dataset, instead of the one CONFIG names"},
+        {"--data", "-d", "FILE...", NULL, &a.data, false,
+         "dataset, or tables (see import --help), instead of the one CONFIG names"},
         {"--output", "-o", "DIR", NULL, &a.output, true,
          "folder for the weights, one file per subsystem and port"},
         {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
@@ -122,7 +147,7 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
          "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
     };
     const pm_options options = {
-        .usage = "portmet-train fit CONFIG|SCENE [--data FILE] -o DIR [options]",
+        .usage = "portmet-train fit CONFIG|SCENE [--data FILE...] -o DIR [options]",
         .summary =
             "Trains the models that CONFIG gives to the subsystems and ports of its scene and\n"
             "writes their weights to DIR. From a SCENE it first proposes DIR/training.yaml (see\n"
@@ -137,28 +162,26 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
         .positional = &a.config,
         .count = sizeof option / sizeof *option,
         .option = option,
+        .several = "--data",
+        .words = &given,
     };
+    char keep[PATH_MAX];
+    pm_data_file data = {0};
+    pm_status status;
     pm_options_line(argc, argv, a.line, (int)sizeof a.line);
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
     if (helped) {
-        return PM_OK;
+        goto done;
     }
-    if (!pm_team_is_called()) {
-        return fit(&a, stop);
-    }
-    // Trains in a team. Its first process prints, and says why a training has failed.
-    pm_team team = {0};
-    pm_status status = pm_team_join(&team);
-    if (status != PM_OK) {
-    } else if (!pm_team_leads(&team) && freopen("/dev/null", "w", stdout) == NULL) {
-        status = pm_fail(PM_EFILE, "/dev/null: cannot be opened");
-    } else if (a.black_box) {
-        status = pm_fail(PM_EUSAGE, "--black-box compares CPU times: start it without mpirun");
-    } else {
-        a.team = &team;
-        status = fit(&a, stop);
-    }
-    const bool together = pm_team_leave(&team, status != PM_OK);
-    return status != PM_OK && together && !pm_team_leads(&team) ? pm_fail(status, "%s", "")
-                                                                : status;
+    // A proposed training file names the dataset, which is then kept beside it.
+    const bool kept = given.count > 0 && pm_propose_is_scene(a.config);
+    snprintf(keep, sizeof keep, "%s/training_data.h5", a.output);
+    PM_TRY_DONE(kept ? pm_options_folder(a.output) : PM_OK);
+    PM_TRY_DONE(pm_data_open(&data, &given, kept ? keep : NULL, pm_team_is_called()));
+    a.data = data.path;
+    status = fit_in_team(&a, stop);
+done:
+    pm_data_close(&data);
+    free(given.word);
+    return status;
 }

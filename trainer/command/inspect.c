@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "command/tables.h"
 #include "evaluate/gnuplot.h"
 #include "store/dataset.h"
 
@@ -14,6 +15,7 @@
 // ratio of the standard deviation of a normal distribution to its median absolute value.
 #define FOURTH_DIFFERENCE 8.3666002653407556
 #define NORMAL_MEDIAN 1.4826022185056018
+#define MOST_FILES 10000
 #define GAP 1.5 // a step of time that is so many times the median one is a gap
 
 typedef struct column_facts {
@@ -146,39 +148,56 @@ static pm_status plot(const pm_dataset *d, const char *const *unit, const char *
 }
 
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    const char *file = NULL, *name = "z", *folder = NULL;
+    const char **file = calloc(MOST_FILES + 1, sizeof *file), *name = "z", *folder = NULL;
     bool helped = false;
+    if (file == NULL) {
+        return pm_fail(PM_ENOMEM, "inspect: out of memory");
+    }
     const pm_option table[] = {
         {"--data-set", NULL, "NAME", NULL, &name, false, "the dataset in FILE; default: z"},
         {"--plot", NULL, "DIR", NULL, &folder, false,
          "draw all columns over time into DIR (gnuplot)"},
     };
     const pm_options options = {
-        .usage = "portmet-train inspect FILE [options]",
+        .usage = "portmet-train inspect FILE... [options]",
         .summary =
-            "Describes measurements: the times and their gaps, and for each column its unit,\n"
-            "samples, range and noise.",
+            "Describes measurements, a dataset or tables (see import --help): the times and their\n"
+            "gaps, and for each column its unit, samples, range and noise.",
         .positional_name = "FILE",
-        .positional = &file,
+        .positional = file,
+        .least = 1,
+        .most = MOST_FILES,
         .count = sizeof table / sizeof *table,
         .option = table,
     };
     (void)stop;
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    if (helped) {
-        return PM_OK;
-    }
     pm_dataset *d = NULL;
+    pm_data_file data = {0};
     double *work = NULL;
     const char **unit = NULL;
+    pm_words given = {.word = file};
     pm_status status;
-    PM_TRY_DONE(pm_dataset_load_measured(&d, file, name));
+    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
+    if (helped) {
+        goto done;
+    }
+    while (file[given.count] != NULL) {
+        ++given.count;
+    }
+    PM_TRY_DONE(pm_data_open(&data, &given, NULL, false));
+    PM_TRY_DONE(pm_dataset_load_measured(&d, data.path, name));
     PM_TRY_DONE(pm_dataset_units(d, &d->arena, &unit));
     work = pm_arena_array(&d->arena, (size_t)d->ntrajectory * (size_t)d->ntime + 1, sizeof *work);
     PM_TRY_DONE(pm_arena_status(&d->arena, "differences"));
-    print_facts(d, unit, file, work);
+    const char *title =
+        given.count == 1 ? file[0]
+                         : pm_arena_printf(&d->arena, "%s and %d more", file[0], given.count - 1);
+    PM_TRY_DONE(pm_arena_status(&d->arena, "a title"));
+    print_facts(d, unit, title, work);
     status = folder == NULL ? PM_OK : plot(d, unit, folder);
 done:
     pm_dataset_free(d);
+    pm_data_close(&data);
+    free(file);
     return status;
 }

@@ -1,44 +1,65 @@
 // portmet-train propose: writes a training file for a scene from its units, ports and data.
 #include "command/commands.h"
 
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/options.h"
+#include "base/path.h"
+#include "command/tables.h"
 #include "propose/propose.h"
 
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;                                                  // nothing here takes long
     static const char *const forms[] = {"hard", "soft", "free"}; // in the order of pm_form
-    const char *scene = NULL, *data = NULL, *output = NULL, *text = forms[PM_HARD];
+    const char *scene = NULL, *first = NULL, *output = NULL, *text = forms[PM_HARD];
     bool helped = false;
+    pm_words given = {0};
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &data, true, "dataset to examine (HDF5)"},
+        {"--data", "-d", "FILE...", NULL, &first, true,
+         "dataset to examine, or tables (see import --help)"},
         {"--output", "-o", "FILE", NULL, &output, true, "training file to write (YAML)"},
         {"--form", NULL, "FORM", NULL, &text, false,
          "hard (both laws hold; the default), soft, or free (a black box)"},
     };
     const pm_options options = {
-        .usage = "portmet-train propose SCENE --data FILE -o TRAINING [--form FORM]",
+        .usage = "portmet-train propose SCENE --data FILE... -o TRAINING [--form FORM]",
         .summary =
             "Writes a training file for the subsystems and ports of SCENE that need weights, with\n"
             "comments that give reasons: units (two variables whose product is J s are conjugate,\n"
             "J/K is an entropy), ports, and statistics of the data (which rates follow which\n"
             "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
-            "For the form free a scene with a single subsystem is written beside it.",
+            "For the form free a scene with a single subsystem is written beside it. Tables are\n"
+            "turned into a dataset beside it, whose name ends in _data.h5.",
         .positional_name = "SCENE",
         .positional = &scene,
         .count = sizeof table / sizeof *table,
         .option = table,
+        .several = "--data",
+        .words = &given,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", output));
+    char keep[PATH_MAX];
+    pm_data_file data = {0};
+    int form = PM_HARD;
+    pm_status status;
+    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY_DONE(pm_options_output("--output", output));
     if (helped) {
-        return PM_OK;
+        goto done;
     }
-    for (int form = PM_HARD; form <= PM_FREE; ++form) {
-        if (strcmp(text, forms[form]) == 0) {
-            return pm_propose_files(scene, data, (pm_form)form, output);
-        }
+    while (form <= PM_FREE && strcmp(text, forms[form]) != 0) {
+        ++form;
     }
-    return pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text);
+    PM_TRY_DONE(
+        form <= PM_FREE
+            ? PM_OK
+            : pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text));
+    snprintf(keep, sizeof keep, "%.*s_data.h5", (int)pm_path_stem(output), output);
+    PM_TRY_DONE(pm_data_open(&data, &given, keep, false));
+    status = pm_propose_files(scene, data.path, (pm_form)form, output);
+done:
+    pm_data_close(&data);
+    free(given.word);
+    return status;
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "data/trained.h"
+#include "data/unit_change.h"
 #include "fit/fit.h"
 #include "fit/start.h"
 #include "inference/calibration.h"
@@ -146,6 +147,7 @@ static pm_status load(pm_fit *f) {
                                                        : "z";
     const size_t nz = (size_t)scene->physics.nz;
     PM_TRY(pm_dataset_load_measured(&m->data, f->data, name));
+    PM_TRY(pm_unit_change_apply(scene, m->data, true));
     PM_TRY(pm_observation_bind(&m->observation, f->training->system, m->data, &f->arena));
     const size_t ny = (size_t)m->observation.count;
     // Room for a point of the continuation, with the starts of the shortest windows.

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "data/trained.h"
+#include "data/unit_change.h"
 #include "evaluate/gnuplot.h"
 #include "fit/fit.h"
 #include "inference/spectrum.h"
@@ -35,6 +36,7 @@
 
 static pm_status load(pm_fit *f) {
     PM_TRY(pm_dataset_load(&f->dataset, f->data));
+    PM_TRY(pm_unit_change_apply(f->training->scene, f->dataset, true));
     const double dt = f->training->scene->physics.dt;
     if (f->dataset->dt < dt * (1 - 1e-9) || f->dataset->dt > dt * (1 + 1e-9)) {
         return pm_fail(PM_EDATA, "%s: states are %g s apart, the scene %s steps by %g s", f->data,

@@ -11,6 +11,7 @@
 
 #include "base/path.h"
 #include "base/unit.h"
+#include "data/unit_change.h"
 #include "propose/draft.h"
 #include "propose/temperature.h"
 #include "store/yaml.h"
@@ -247,6 +248,7 @@ static pm_status write_proposal(const char *scene_path, const char *data, pm_for
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, scene_path));
     PM_TRY_DONE(pm_dataset_load(&dataset, data));
+    PM_TRY_DONE(pm_unit_change_apply(scene, dataset, true));
     // Paths in a training file are relative to its folder. Absolute paths are valid everywhere.
     scene_name = realpath(scene_path, NULL);
     data_name = realpath(data, NULL);

@@ -13,8 +13,8 @@ from .files import Dataset, Recording, Weights
 from .listener import Listener
 from .plot import plot
 from .scene import Part, Scene
-from .train import Fit, evaluate, fit, propose
+from .train import Fit, evaluate, fit, import_tables, propose
 
 __version__ = version()
 __all__ = ["Dataset", "Error", "Fit", "Listener", "Part", "Recording", "Scene", "Weights", "evaluate",
-           "fit", "plot", "propose", "version"]
+           "fit", "import_tables", "plot", "propose", "version"]

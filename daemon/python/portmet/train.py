@@ -1,4 +1,4 @@
-"""Drives the trainer, portmet-train (trainer/README.md)."""
+"""Drives the trainer, portmet-train (trainer/README.md). `data` is a dataset, a table, or a list of tables."""
 import os
 import subprocess
 
@@ -25,7 +25,8 @@ def _options(options):
     for name, value in options.items():
         if value is not None and value is not False:
             result.append("--" + name.replace("_", "-"))
-            result += [] if value is True else [str(value)]
+            several = value if isinstance(value, (list, tuple)) else [value]
+            result += [] if value is True else [os.fspath(v) if isinstance(v, os.PathLike) else str(v) for v in several]
     return result
 
 
@@ -61,9 +62,15 @@ def fit(config, output, *, data=None, **options):
 
 def propose(scene, data, output, **options):
     """Writes a draft of a training file for a scene and its data."""
-    return _run("propose", scene, "--data", data, "-o", output, *_options(options))[1]
+    return _run("propose", scene, *_options({"data": data, "output": output, **options}))[1]
 
 
 def evaluate(scene, *, data, **options):
     """Predicts the trajectories of a dataset and returns the printed scores."""
-    return _run("evaluate", scene, "--data", data, *_options(options))[1]
+    return _run("evaluate", scene, *_options({"data": data, **options}))[1]
+
+
+def import_tables(tables, output, **options):
+    """Turns tables, a path or a list of paths, into a dataset, as `portmet-train import` does."""
+    tables = tables if isinstance(tables, (list, tuple)) else [tables]
+    return _run("import", *tables, *_options({"output": output, **options}))[1]

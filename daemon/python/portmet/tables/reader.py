@@ -1,0 +1,201 @@
+"""Reads tables of any kind, and joins them to a dataset."""
+import argparse
+import os
+import sys
+
+import h5py
+import numpy
+
+import lcm_log
+import matlab
+import portmet_files
+import text
+from table import MOST_COLUMNS, Refused, divide, drop_unnamed, refuse_repeated_names, say, take_times
+from table import DATA, FILE
+
+MEMORY, INTERRUPTED = 11, 12  # exit codes
+EVEN = 0.01  # times that are off by less, in steps, are even: loggers round times
+FOREIGN = {
+    b"SQLite format 3": "this is a database, such as a bag of ROS 2, which holds no message types",
+    b"\x89MCAP": "this is an MCAP file, such as a bag of ROS 2",
+    b"#ROSBAG": "this is a bag of ROS",
+    b"PK\x03\x04": "this is a spreadsheet or an archive",
+    b"\xd0\xcf\x11\xe0": "this is an old spreadsheet",
+}
+NAMES_MOST = 60000  # bytes of an attribute
+
+
+def read(path, how):
+    """Reads a file of any kind as runs."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(1024)
+    except OSError as error:
+        raise Refused(FILE, f"{path}: cannot be read: {error.strerror}") from None
+    for begin, why in FOREIGN.items():
+        if head.startswith(begin):
+            raise Refused(DATA, f"{path}: {why}; save its tables as CSV")
+    if head[:4] == lcm_log.SYNC.to_bytes(4, "big"):
+        return lcm_log.read(path, how.types)
+    if head[:4] == b"PAR1":
+        return portmet_files.read_parquet(path)
+    if h5py.is_hdf5(path):
+        reader = portmet_files.kind_of(path)
+        return matlab.read(path, how.runs) if reader is None else reader(path)
+    if head[:6] == b"MATLAB" or path.lower().endswith(".mat"):
+        return matlab.read(path, how.runs)
+    if head[:4] == b"\x89HDF":
+        raise Refused(FILE, f"{path}: a damaged HDF5 file")
+    run = text.read(path)
+    return [run] if how.runs is None else divide(run, how.runs)
+
+
+def files_of(paths):
+    """Replaces folders by the files in them, in the order of their names."""
+    result = []
+    for path in paths:
+        if not os.path.isdir(path):
+            result.append(path)
+            continue
+        names = sorted(name for name in os.listdir(path) if not name.startswith(".") and os.path.isfile(os.path.join(path, name)))
+        of_type = [name for name in names if name.lower().endswith((".csv", ".tsv", ".txt", ".dat", ".mat", ".parquet", ".csv.gz"))]
+        if not of_type:
+            raise Refused(FILE, f"{path}: the folder holds no table (.csv, .tsv, .txt, .dat, .mat, .parquet)")
+        result += [os.path.join(path, name) for name in of_type]
+    return result
+
+
+def clean(run, how):
+    """Takes the times out, and missing samples; returns how many samples and rows were left out, and repeated."""
+    drop_unnamed(run)
+    refuse_repeated_names(run)
+    marked = numpy.isin(run.value, how.missing) if how.missing else numpy.zeros(0, dtype=bool)
+    if marked.any():
+        run.value[marked] = numpy.nan
+    without, repeated = take_times(run, how.time, how.dt)
+    if not run.names:
+        raise Refused(DATA, f"{run.path}: there is no column of numbers beside the times")
+    if len(run.time) < 2:
+        raise Refused(DATA, f"{run.path}: {len(run.time)} rows of numbers, expected two or more")
+    if numpy.isinf(run.value).any():
+        row, column = numpy.argwhere(numpy.isinf(run.value))[0]
+        raise Refused(DATA, f'{run.at(row)}: column "{run.names[column]}" is infinite')
+    return int(marked.sum()), without, repeated
+
+
+def positive(word):
+    value = float(word)
+    if not 0 < value < float("inf"):
+        raise ValueError
+    return value
+
+
+def align(run, first):
+    """Puts the columns into the order of the first run."""
+    if sorted(run.names) != sorted(first.names):
+        missing = [name for name in first.names if name not in run.names]
+        more = [name for name in run.names if name not in first.names]
+        raise Refused(DATA, f"{run.path}: expected the same columns as in {first.path}; "
+                            + "; ".join(f"{what} {' '.join(names)[:100]}" for what, names in (("without", missing), ("with", more)) if names))
+    run.keep_columns([run.names.index(name) for name in first.names])
+    for name, unit, other in zip(run.names, run.units, first.units):
+        if unit != other:
+            raise Refused(DATA, f'{run.path}: column "{name}" is in "{unit}", expected "{other}", in the same units as in {first.path}')
+
+
+def grid(times):
+    """Returns t [time] and dt if all runs have the same even times, otherwise None and the mean step of the first."""
+    first = times[0]
+    dt = (first[-1] - first[0]) / (len(first) - 1)
+    short = float(f"{dt:.9g}")  # 0.01 instead of 0.010000000000000009
+    for step in (short, dt):
+        even = first[0] + step * numpy.arange(len(first))
+        if all(len(time) == len(first) and (numpy.abs(time - even) <= EVEN * step).all() for time in times):
+            return even, step
+    return None, dt
+
+
+def join(words):
+    parser = argparse.ArgumentParser(prog="tables")
+    parser.add_argument("output")
+    for name in ("--time", "--runs"):
+        parser.add_argument(name)
+    parser.add_argument("--dt", type=positive)
+    parser.add_argument("--missing", type=lambda words: [float(word) for word in words.split(",")])
+    parser.add_argument("--types", action="append", default=[])
+    parser.add_argument("--temporary", action="store_true", help="nobody asked for the dataset by its name")
+    parser.add_argument("tables", nargs="+")
+    how = parser.parse_args(words)
+    runs, counts = [], numpy.zeros(3, dtype=int)
+    for path in files_of(how.tables):
+        found = read(path, how)
+        for run in found:
+            if len(found) > 1 and len(run.value) < 2:
+                say(f"{run.path}: leaves out this run, which has {len(run.value)} rows")
+                continue
+            counts += clean(run, how)
+            if runs:
+                align(run, runs[0])
+            runs.append(run)
+    if not runs:
+        raise Refused(DATA, f"{how.tables[0]}: there is no run of two or more rows")
+    for count, what in zip(counts, ("samples that --missing names are missing samples", "rows without a time are left out",
+                                    "rows that repeat a time are left out: the first ones count")):
+        if count:
+            say(f"{count} {what}")
+    times = [run.time for run in runs]
+    if any(time[0] != times[0][0] for time in times) or abs(times[0][0]) > 1e8:
+        say("each trajectory begins at the time 0")
+        times = [time - time[0] for time in times]
+    write(how.output, runs, times, how.temporary)
+
+
+def write(path, runs, times, temporary=False):
+    ntime, first = max(map(len, times)), runs[0]
+    z = numpy.full((len(runs), ntime, len(first.names)), numpy.nan)
+    t, dt = grid(times)
+    if t is None:
+        t = numpy.full((len(runs), ntime), numpy.nan)
+        for i, time in enumerate(times):
+            t[i, :len(time)] = time
+    for i, run in enumerate(runs):
+        z[i, :len(run.value)] = run.value
+    layout = " ".join(first.names)
+    if len(layout.encode()) > NAMES_MOST or len(first.names) > MOST_COLUMNS:
+        raise Refused(DATA, f"{first.path}: the names of {len(first.names)} columns are too long")
+    part = f"{path}.{os.getpid()}.part"
+    try:
+        with h5py.File(part, "w") as file:
+            file["z"], file["t"], file["dt"] = z, t, dt
+            file["t"].attrs["units"] = file["dt"].attrs["units"] = numpy.bytes_("s")
+            file["z"].attrs["description"] = numpy.bytes_("[trajectory][time][column]")
+            file.attrs["state_layout"] = numpy.bytes_(layout.encode())
+            file.attrs["units"] = numpy.bytes_(";".join(first.units).encode())
+            file.attrs["source"] = numpy.bytes_("portmet-train import")
+        os.replace(part, path)
+    except OSError as error:
+        raise Refused(FILE, f"{path}: cannot be written: {error.strerror or error}") from None
+    finally:
+        if os.path.exists(part):
+            os.unlink(part)
+    say(f"{'tables' if temporary else 'wrote ' + path}: {len(runs)} trajectories of at most {ntime} samples, columns {layout}")
+
+
+def main(words):
+    """Returns the exit code; a failure is one line on standard error."""
+    try:
+        join(words)
+        return 0
+    except Refused as error:
+        code, why = error.code, error
+    except MemoryError:
+        code, why = MEMORY, "out of memory for the tables"
+    except KeyboardInterrupt:
+        code, why = INTERRUPTED, "interrupted"
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code, why = FILE, "standard output is closed"
+    except Exception as error:  # a file of which no reader thought
+        code, why = DATA, f"a table cannot be read: {type(error).__name__}: {error}"
+    print("portmet-train: " + " ".join(str(why).split()), file=sys.stderr)
+    return code
