@@ -133,6 +133,60 @@ static void errors_are_relative(void **state) {
     assert_near("first state", e->rollout[2].snapshot[1], 0, 1e-12);
     assert_true(e->trajectory[1].median > 0.5 * d && e->trajectory[1].median < d / (1 + d));
     pm_evaluation_free(e);
+    // Persistence, and the same error relative to the deviation from the mean, of one trajectory.
+    e = evaluate(&b, 2, 3, 1);
+    double square = 0, still = 0, about = 0;
+    for (int k = 4; k < 8; ++k) {
+        double mean = 0;
+        for (int j = 0; j < NTIME; ++j) {
+            mean += pm_dataset_state(b.data, 2, j)[k] / NTIME;
+        }
+        for (int j = 0; j < NTIME; ++j) {
+            const double x = pm_dataset_state(b.data, 2, j)[k];
+            const double first = pm_dataset_state(b.data, 2, 0)[k];
+            square += x * x;
+            still += (x - first) * (x - first);
+            about += (x - mean) * (x - mean);
+        }
+    }
+    assert_near("persistence", e->persistence[1], sqrt(still / square), 1e-12);
+    assert_near("of the deviation", e->of_deviation[1],
+                e->rollout[0].error[1] * sqrt(square / about), 1e-12);
+    pm_evaluation_free(e);
+    bench_close(&b);
+}
+
+// A closed system keeps its energy. If the model's energy rises along the true states by a part of
+// the heat produced, its temperatures are too high by this part.
+static void the_balance_of_energy_shows_wrong_temperatures(void **state) {
+    (void)state;
+    bench b = {.data = NULL};
+    bench_open(&b, 1);
+    pm_evaluation *e = evaluate(&b, 0, NTRAJECTORY, 1);
+    const int last = NTIME - 1, npart = 2;
+    for (int kind = 0; kind < 3; ++kind) {
+        for (int i = 0; i < NTRAJECTORY; ++i) {
+            pm_rollout *r = &e->rollout[i];
+            double *energy = r->part_energy + npart * (NTIME + last);
+            double *entropy = r->part_entropy + npart * (NTIME + last);
+            const double sign = kind == 2 && i % 2 == 1 ? -1 : 1, produced = 1 + i;
+            for (int p = 0; p < npart; ++p) { // half of it each
+                energy[p] = r->part_energy[npart * NTIME + p] + 0.5 * 0.1 * sign * 300 * produced;
+                entropy[p] = r->part_entropy[npart * NTIME + p] + 0.5 * produced;
+            }
+            r->coldest = kind == 1 ? -280 : 280; // not positive: not known
+            r->warmest = 320;
+        }
+        pm_thermo t;
+        assert_int_equal(pm_thermo_make(&t, e), PM_OK);
+        if (kind == 1) {
+            assert_true(isnan(t.warmer));
+        } else { // as often too high as too low: not a matter of temperatures
+            assert_near("excess of temperatures", t.warmer, kind == 0 ? 0.1 : 0, 1e-9);
+        }
+        pm_thermo_free(&t);
+    }
+    pm_evaluation_free(e);
     bench_close(&b);
 }
 
@@ -352,6 +406,7 @@ int main(void) {
         cmocka_unit_test(many_rows_are_summarised),
         cmocka_unit_test(own_trajectories_score_zero),
         cmocka_unit_test(errors_are_relative),
+        cmocka_unit_test(the_balance_of_energy_shows_wrong_temperatures),
         cmocka_unit_test(threads_change_nothing),
         cmocka_unit_test(a_failed_rollout_counts_as_infinite),
         cmocka_unit_test(steps_outside_the_training_range_are_counted),

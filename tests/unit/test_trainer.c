@@ -400,13 +400,25 @@ static void settled_networks_are_the_same(void **state) {
     random_system_close(&w);
 }
 
-// A single group that has not been learned is enough for a model not to be good.
-static void a_bad_group_spoils_the_verdict(void **state) {
+// Each thing that is compared can only lower the verdict, and says why.
+static void every_comparison_can_spoil_the_verdict(void **state) {
     (void)state;
-    assert_string_equal(pm_fit_grade(0.01, 0.2), "good");
-    assert_string_equal(pm_fit_grade(0.017, 0.44), "fair");
-    assert_string_equal(pm_fit_grade(0.1, 0.1), "fair");
-    assert_string_equal(pm_fit_grade(0.4, 0.5), "poor");
+    static const struct {
+        double value, good, fair;
+        pm_grade grade;
+    } rows[] = {
+        {0.01, 0.05, 0.3, PM_GRADE_GOOD},     {NAN, 0.05, 0.3, PM_GRADE_GOOD}, // not compared
+        {0.44, 0.3, INFINITY, PM_GRADE_FAIR}, {0.1, 0.05, 0.3, PM_GRADE_FAIR},
+        {0.4, 0.05, 0.3, PM_GRADE_POOR},      {0.1, 0.05, 0.3, PM_GRADE_POOR}}; // stays poor
+    pm_verdict v = {.count = 0};
+    int reasons = 0;
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; ++i) {
+        pm_verdict_compare(&v, rows[i].value, rows[i].good, rows[i].fair, "reason %d", (int)i);
+        reasons += !(rows[i].value < rows[i].good) && !isnan(rows[i].value);
+        assert_int_equal(v.grade, rows[i].grade);
+        assert_int_equal(v.count, reasons);
+    }
+    assert_string_equal(v.reason[2], "reason 4");
 }
 
 // The components of an entropy have a temperature each, a scalar needs no separate summands.
@@ -441,7 +453,7 @@ int main(void) {
         cmocka_unit_test(windows_carry_their_loads),
         cmocka_unit_test(boundary_inputs_scale_like_the_subsystem),
         cmocka_unit_test(settled_networks_are_the_same),
-        cmocka_unit_test(a_bad_group_spoils_the_verdict),
+        cmocka_unit_test(every_comparison_can_spoil_the_verdict),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

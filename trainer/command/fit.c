@@ -44,7 +44,9 @@ static pm_status propose(pm_fit_arguments *a, char **training) {
 static pm_status train(pm_fit *f, const pm_fit_arguments *a, const volatile sig_atomic_t *stop,
                        bool loud) {
     PM_TRY(pm_fit_open(f, a, stop));
-    PM_TRY(pm_fit_run(f));
+    const pm_status status = pm_fit_run(f);
+    f->interrupted = status == PM_EINTERRUPTED;
+    PM_TRY(status);
     return pm_fit_save(f, loud);
 }
 
@@ -88,7 +90,13 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
     pm_status status = propose(a, &training);
     if (status == PM_OK) {
         status = train(&f, a, stop, true);
-        if (status == PM_OK && pm_team_leads(a->team)) {
+        if (f.interrupted && pm_team_leads(a->team)) {
+            // What there is by then is worth a verdict, too.
+            char error[512];
+            snprintf(error, sizeof error, "%s", pm_error());
+            (void)pm_fit_report(&f, NULL);
+            status = pm_fail(status, "%s", error);
+        } else if (status == PM_OK && pm_team_leads(a->team)) {
             pm_fit_draw_curves(&f);
             status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
             if (status == PM_OK) {

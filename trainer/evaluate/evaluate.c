@@ -324,9 +324,8 @@ static pm_status run_pool(pm_evaluation *e, const pm_evaluate_how *how) {
     return p.status == PM_OK ? PM_OK : pm_fail(p.status, "%s", p.error);
 }
 
-pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
-                           const pm_dataset *truth, int count, const int *which,
-                           const pm_evaluate_how *how) {
+pm_status pm_evaluation_new(pm_evaluation **evaluation, const pm_system *system,
+                            const pm_dataset *truth, int count, const int *which) {
     const pm_scene *scene = system->scene;
     const double ratio = truth->dt / scene->physics.dt, whole = round(ratio);
     if (truth->ntime < 2) {
@@ -346,9 +345,8 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
                          .truth = truth,
                          .count = count,
                          .stride = (int)whole,
-                         .inputs = how->inputs == NULL ? truth : how->inputs,
-                         .inputs_of = how->inputs == NULL ? which : how->inputs_of};
-    double *value; // of all states of all rollouts
+                         .inputs = truth,
+                         .inputs_of = which};
     pm_status status;
     PM_TRY_DONE(pm_columns_bind(&e->columns, scene, truth, &e->arena));
     const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)truth->ntime;
@@ -357,7 +355,8 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
     e->rollout = pm_arena_array(arena, (size_t)count, sizeof *e->rollout);
     e->trajectory = pm_arena_array(arena, ngroup, sizeof *e->trajectory);
     e->snapshot = pm_arena_array(arena, ngroup, sizeof *e->snapshot);
-    value = pm_arena_array(arena, (size_t)count * ntime, sizeof *value);
+    e->persistence = pm_arena_array(arena, ngroup, sizeof *e->persistence);
+    e->of_deviation = pm_arena_array(arena, ngroup, sizeof *e->of_deviation);
     for (int i = 0; e->rollout != NULL && i < count; ++i) {
         pm_rollout *rollout = &e->rollout[i];
         rollout->trajectory = which[i];
@@ -374,25 +373,79 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
     PM_TRY_DONE(pm_dataset_new(&e->predicted, count, truth->ntime, truth->ncolumn, truth->dt,
                                truth->column));
     memcpy(e->predicted->t, truth->t, ntime * sizeof(double));
-    PM_TRY_DONE(run_pool(e, how));
-    for (size_t g = 0; g < ngroup; ++g) {
-        int n = 0;
-        for (int i = 0; i < count; ++i) {
-            value[i] = e->rollout[i].error[g];
-        }
-        e->trajectory[g] = pm_box_of(count, value);
-        for (int i = 0; i < count; ++i) {
-            for (size_t j = 1; j < (size_t)e->rollout[i].length; ++j) {
-                value[n++] = e->rollout[i].snapshot[j * ngroup + g];
-            }
-        }
-        e->snapshot[g] = n > 0 ? pm_box_of(n, value) : (pm_box){0};
-    }
     *evaluation = e;
     e = NULL;
 done:
     pm_evaluation_free(e);
     return status;
+}
+
+pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
+                           const pm_dataset *truth, int count, const int *which,
+                           const pm_evaluate_how *how) {
+    pm_evaluation *e = NULL;
+    PM_TRY(pm_evaluation_new(&e, system, truth, count, which));
+    e->inputs = how->inputs == NULL ? truth : how->inputs;
+    e->inputs_of = how->inputs == NULL ? which : how->inputs_of;
+    pm_status status = run_pool(e, how);
+    // Computes the distributions of the errors over all rollouts, and what they are compared with.
+    const size_t ngroup = (size_t)e->columns.ngroup, ntime = (size_t)truth->ntime,
+                 n = (size_t)count;
+    const size_t ncolumn = (size_t)truth->ncolumn;
+    pm_arena scratch = {0};
+    double *value = pm_arena_array(&scratch, n * ntime, sizeof *value);
+    double *other = pm_arena_array(&scratch, ntime * ncolumn, sizeof *other);
+    // [count][ngroup] the errors of the first state and of the mean in place of all states
+    double *still = pm_arena_array(&scratch, n * ngroup, sizeof *still);
+    double *mean = pm_arena_array(&scratch, n * ngroup, sizeof *mean);
+    status = status != PM_OK ? status : pm_arena_status(&scratch, "an evaluation");
+    for (size_t i = 0; i < n && status == PM_OK; ++i) {
+        const double *own = pm_dataset_state(truth, e->rollout[i].trajectory, 0);
+        const size_t length = (size_t)e->rollout[i].length;
+        for (size_t j = 0; j < length; ++j) {
+            memcpy(other + j * ncolumn, own, ncolumn * sizeof *other);
+        }
+        pm_score(&e->columns, (int)length, truth->ncolumn, other, own, still + i * ngroup, NULL);
+        for (size_t c = 0; c < ncolumn; ++c) {
+            double sum = 0;
+            for (size_t j = 0; j < length; ++j) {
+                sum += own[j * ncolumn + c];
+            }
+            for (size_t j = 0; j < length; ++j) {
+                other[j * ncolumn + c] = sum / (double)length;
+            }
+        }
+        pm_score(&e->columns, (int)length, truth->ncolumn, other, own, mean + i * ngroup, NULL);
+    }
+    for (size_t g = 0; g < ngroup && status == PM_OK; ++g) {
+        int m = 0;
+        for (size_t i = 0; i < n; ++i) {
+            value[i] = e->rollout[i].error[g];
+        }
+        e->trajectory[g] = pm_box_of(count, value);
+        for (size_t i = 0; i < n; ++i) {
+            value[i] = still[i * ngroup + g];
+        }
+        e->persistence[g] = pm_box_of(count, value).median;
+        for (size_t i = 0; i < n; ++i) {
+            const double deviation = mean[i * ngroup + g];
+            value[i] = e->rollout[i].error[g] / (deviation > 0 ? deviation : 1);
+        }
+        e->of_deviation[g] = pm_box_of(count, value).median;
+        for (size_t i = 0; i < n; ++i) {
+            for (size_t j = 1; j < (size_t)e->rollout[i].length; ++j) {
+                value[m++] = e->rollout[i].snapshot[j * ngroup + g];
+            }
+        }
+        e->snapshot[g] = m > 0 ? pm_box_of(m, value) : (pm_box){0};
+    }
+    pm_arena_free(&scratch);
+    if (status != PM_OK) {
+        pm_evaluation_free(e);
+        return status;
+    }
+    *evaluation = e;
+    return PM_OK;
 }
 
 pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,

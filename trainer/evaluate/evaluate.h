@@ -49,6 +49,9 @@ typedef struct pm_evaluation {
     pm_dataset *predicted;
     pm_box *trajectory; // [ngroup] the distribution of the errors over trajectories
     pm_box *snapshot;   // [ngroup] the distribution of the errors of states, first states left out
+    // [ngroup] medians over trajectories: the error of a first state that stays as it is, and the
+    // error of the rollout divided by the deviation of the truth from its mean over time.
+    double *persistence, *of_deviation;
 } pm_evaluation;
 
 // How an evaluation runs.
@@ -75,6 +78,11 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
                            const pm_dataset *truth, int count, const int *which,
                            const pm_evaluate_how *how);
 void pm_evaluation_free(pm_evaluation *evaluation); // NULL is allowed
+
+// Makes an evaluation without rollouts, whose predictions the caller fills: `predicted` and, of
+// each rollout, `reached`. Nothing else is known of them. Fails like pm_evaluate.
+pm_status pm_evaluation_new(pm_evaluation **evaluation, const pm_system *system,
+                            const pm_dataset *truth, int count, const int *which);
 
 // Returns the first rollout in which a component in the hard form violated a law, or NULL.
 const pm_rollout *pm_evaluation_violation(const pm_evaluation *evaluation);

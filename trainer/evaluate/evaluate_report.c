@@ -40,7 +40,7 @@ static summary summarise(const pm_evaluation *e) {
 // --- tables ---
 
 static void print_box(const char *group, const char *kind, const pm_box *b) {
-    printf("  %-8s %-11s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g\n", group, kind, 100 * b->low,
+    printf("  %-8s %-11s %9.3g %9.3g %9.3g %9.3g %9.3g %9.3g", group, kind, 100 * b->low,
            100 * b->first_quartile, 100 * b->median, 100 * b->third_quartile, 100 * b->high,
            100 * b->mean);
 }
@@ -143,13 +143,15 @@ static void print_errors(const pm_evaluation *e, const char *title) {
         printf("%s: %d between %d and %d, ", title, e->count, first, last);
     }
     printf("%d states %g s apart\n\n", e->truth->ntime, e->truth->dt);
-    printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s\n", "whisker", "quartile", "median",
-           "quartile", "whisker", "mean");
+    printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s %11s %12s\n", "whisker", "quartile",
+           "median", "quartile", "whisker", "mean", "persistence", "of deviation");
     for (int g = 0; g < e->columns.ngroup; ++g) {
         print_box(e->columns.group_name[g], "trajectory", &e->trajectory[g]);
+        printf(" %11.3g %12.3g\n", 100 * e->persistence[g], 100 * e->of_deviation[g]);
     }
     for (int g = 0; g < e->columns.ngroup; ++g) {
         print_box(e->columns.group_name[g], "snapshot", &e->snapshot[g]);
+        printf("\n");
     }
     for (int g = 0; g < e->columns.ngroup; ++g) {
         pm_score_sums sums = {0};
@@ -268,6 +270,8 @@ static void json_groups(const pm_evaluation *e, const char *name) {
         json_text(e->columns.group_name[g]);
         printf(": {");
         json_box("trajectory", &e->trajectory[g], ", ");
+        json_number("persistence", e->persistence[g], ", ");
+        json_number("of_deviation", e->of_deviation[g], ", ");
         json_box("snapshot", &e->snapshot[g], g + 1 < e->columns.ngroup ? "},\n" : "}\n");
     }
     printf("  },\n");

@@ -68,7 +68,7 @@ static bool find_side(const pm_scene *scene, int port, bool *side) {
 // Computes the relative L2 error over time of the present quantity in one rollout.
 static void score_series(const series *s, int rollout) {
     double error = 0, norm = 0;
-    const int ntime = s->e->truth->ntime;
+    const int ntime = s->e->rollout[rollout].length;
     for (int j = 0; j < ntime; ++j) {
         const double difference = s->predicted[j] - s->truth[j];
         error += difference * difference;
@@ -110,7 +110,7 @@ static void add_parts(pm_thermo *t, const series *s, bool entropy) {
             const double *values = entropy ? r->part_entropy : r->part_energy;
             for (int other = 0; other < scene->physics.nsubsystem; ++other) {
                 gain(s, values, other);
-                for (int j = 0; j < s->e->truth->ntime; ++j) {
+                for (int j = 0; j < r->length; ++j) {
                     largest = fmax(largest, fabs(s->truth[j]));
                 }
             }
@@ -129,7 +129,7 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
     const int npart = scene->physics.nsubsystem;
     const size_t ntime = (size_t)e->truth->ntime, count = (size_t)e->count;
     const size_t rows = 1 + (size_t)scene->physics.nport + 2 * (size_t)npart;
-    *thermo = (pm_thermo){.given = true};
+    *thermo = (pm_thermo){.given = true, .warmer = NAN};
     if (pm_system_without_energy(e->system) >= 0) {
         thermo->given = false;
         return PM_OK;
@@ -153,9 +153,9 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
         thermo->given = thermo->given && e->system->part[i]->spec.entropy.nterm == 0 &&
                         !pm_part_has_coenergies(e->system->part[i]);
     }
-    const int last = e->truth->ntime - 1;
     for (int k = 0; k < e->count && entropy; ++k) {
         const pm_rollout *r = &e->rollout[k];
+        const int last = r->length - 1;
         double predicted = 0, truth = 0;
         for (int i = 0; i < npart; ++i) {
             gain(&s, r->part_entropy, i);
@@ -174,7 +174,7 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
         if (find_side(scene, port, side)) {
             for (int i = 0; i < e->count; ++i) { // the mean power into the side over each step
                 const double *energy = e->rollout[i].part_energy;
-                for (int j = 0; j <= last; ++j) {
+                for (int j = 0; j < e->rollout[i].length; ++j) {
                     s.predicted[j] = s.truth[j] = 0;
                     for (int k = 0; k < npart && j > 0; ++k) {
                         if (side[k]) {
@@ -196,6 +196,28 @@ pm_status pm_thermo_make(pm_thermo *thermo, const pm_evaluation *e) {
         const pm_rollout *r = &e->rollout[i];
         thermo->coldest = i == 0 ? r->coldest : fmin(thermo->coldest, r->coldest);
         thermo->warmest = i == 0 ? r->warmest : fmax(thermo->warmest, r->warmest);
+    }
+    // The change of the energy along the true states of a closed system, over the heat produced.
+    const double temperature = 0.5 * (thermo->coldest + thermo->warmest);
+    int n = 0;
+    for (int k = 0; k < e->count && thermo->coldest > 0 && scene->physics.nboundary_input == 0;
+         ++k) {
+        const pm_rollout *r = &e->rollout[k];
+        const int last = r->length - 1;
+        double gained = 0, produced = 0;
+        for (int i = 0; i < npart; ++i) {
+            gain(&s, r->part_energy, i);
+            gained += s.truth[last];
+            gain(&s, r->part_entropy, i);
+            produced += s.truth[last];
+        }
+        if (produced > 0) {
+            s.error[n++] = gained / (temperature * produced);
+        }
+    }
+    if (2 * n > e->count) {
+        const pm_box box = pm_box_of(n, s.error);
+        thermo->warmer = box.first_quartile * box.third_quartile > 0 ? box.median : 0;
     }
     return PM_OK;
 }

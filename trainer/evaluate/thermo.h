@@ -25,6 +25,11 @@ typedef struct pm_thermo {
     pm_thermo_row *row;      // [count] rows of one kind, with the same pointer `kind`, together
     double coldest, warmest; // K, over all rollouts; both 0 if there is no entropy
     bool given;              // the entropy of every subsystem is given or a formula
+    // By which fraction all temperatures are too high, as the balance of energy shows: a closed
+    // system keeps its energy, so that the energy of the model must not change along the true
+    // states. The median over rollouts of this change, divided by the heat produced; 0 where the
+    // signs differ between rollouts; NAN: not known, or a boundary input exchanges energy.
+    double warmer;
 } pm_thermo;
 
 // Computes these rows:

@@ -91,7 +91,9 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     PM_TRY(pm_arena_status(&f->arena, "digests of trajectories"));
     f->digest = training->digest;
     for (int i = 0; i < f->dataset->ntrajectory; ++i) {
-        f->seen[i] = f->kind->digest(f, i);
+        f->seen[i] = f->measured.data == NULL
+                         ? pm_dataset_digest(f->dataset, i)
+                         : pm_dataset_digest(f->measured.data, f->split.trajectory[i]);
         f->digest = pm_digest_integer(f->digest, (int64_t)f->seen[i]);
     }
     f->digest = pm_digest_integer(f->digest, f->split.ntraining);

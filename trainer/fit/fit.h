@@ -26,6 +26,8 @@ typedef struct pm_fit_arguments {
 } pm_fit_arguments;
 
 #define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
+#define PM_FIT_BLACK_BOX_SHARE 0.1      // of the CPU time of the fit, for a black box beside
+#define PM_FIT_BLACK_BOX_LEAST 0.05     // s of it at least
 #define PM_FIT_MOST_EXTRA 4
 
 // The position of a fit in its stages.
@@ -85,6 +87,7 @@ typedef struct pm_fit {
     double loss;      // as last reported
     double processor; // s of CPU time of the process at the beginning of the fit
     bool expired;     // the time limit is over
+    bool interrupted; // the training has been interrupted, and reports what it has
     int nrow, nscore; // rows of fit.csv, and rows that have a validation
     FILE *curves;     // fit.csv
     pm_progress progress;
@@ -95,8 +98,6 @@ typedef struct pm_fit_kind {
     // Loads the data from f->data and makes f->dataset, states at the steps of the scene. May add
     // to f->extra what a checkpoint needs.
     pm_status (*load)(pm_fit *f);
-    // Returns the digest of trajectory i of the split.
-    uint64_t (*digest)(const pm_fit *f, int i);
     // Leaves out what the training does not use, after the digests; NULL: nothing.
     pm_status (*shorten)(pm_fit *f);
     // Prints how much data there are, behind the list of trajectories.
@@ -108,7 +109,8 @@ typedef struct pm_fit_kind {
     // Trains; afterwards f->theta and f->best hold the weights.
     pm_status (*run)(pm_fit *f);
     // Prints a report of the present weights. `black_box` is a measure of a model without structure
-    // on the validation part, or NULL. PM_EUNFIT if the model is of no use.
+    // on the validation part; NULL: the report trains a regression (inference/black_box.h) beside,
+    // for a part of the time of the fit. PM_EUNFIT if the model is of no use.
     pm_status (*report)(pm_fit *f, const pm_measure *black_box);
 } pm_fit_kind;
 
@@ -146,14 +148,38 @@ pm_status pm_fit_load(pm_fit *fit);
 // validated.
 const double *pm_fit_kept(const pm_fit *f);
 
+// --- fit/verdict.c ---
+
+// The verdict on a fit. It begins as good; each thing that is compared can only lower it.
+typedef enum pm_grade { PM_GRADE_GOOD, PM_GRADE_FAIR, PM_GRADE_POOR } pm_grade;
+
+#define PM_VERDICT_MOST 12
+
+typedef struct pm_verdict {
+    pm_grade grade;
+    int count; // reasons why it is not good
+    char reason[PM_VERDICT_MOST][200];
+} pm_verdict;
+
+// Errors of predictions relative to persistence below which a verdict is good or fair.
+#define PM_VERDICT_GOOD 0.05
+#define PM_VERDICT_FAIR 0.3
+// A model is not good if its error is this many times that of a black box, unless it is below this
+// fraction of that of persistence.
+#define PM_VERDICT_LOSES 1.25
+#define PM_VERDICT_NEGLIGIBLE 1e-3
+
+// Compares a number with the bounds below which the verdict may be good, and fair. If it is not
+// below `good`, the reason, a format for what follows, is noted. NAN: not compared.
+void pm_verdict_compare(pm_verdict *verdict, double value, double good, double fair,
+                        const char *format, ...) __attribute__((format(printf, 5, 6)));
+// Prints "Verdict: <grade>. " and the text, then the reasons.
+void pm_verdict_print(const pm_verdict *verdict, const char *text);
+
 // --- fit/fit_states.c ---
 
 // Draws fit.csv as fit.png if gnuplot is installed.
 void pm_fit_draw_curves(const pm_fit *f);
-// Returns the verdict on a model that is better than persistence: "good", "fair" or "poor". `score`
-// is the geometric mean over groups of the errors of rollouts relative to persistence, `worst` the
-// largest of these ratios among groups whose error is not negligible.
-const char *pm_fit_grade(double score, double worst);
 // Measures the system on the validation part if `validation` is true, else on the training part.
 // The caller frees *measure. Fails as the functions of evaluate/measure.h do.
 pm_status pm_fit_measure(const pm_fit *fit, bool validation, pm_measure *measure);

@@ -197,10 +197,6 @@ static pm_status load(pm_fit *f) {
     return status;
 }
 
-static uint64_t digest(const pm_fit *f, int i) {
-    return pm_dataset_digest(f->measured.data, f->split.trajectory[i]);
-}
-
 static void describe(const pm_fit *f) {
     const pm_fit_measured *m = &f->measured;
     printf("at most %d samples", m->data->ntime);
@@ -445,4 +441,4 @@ static pm_status report(pm_fit *f, const pm_measure *black_box) {
                             validation ? "validation" : "training");
 }
 
-const pm_fit_kind pm_fit_of_measurements = {load, digest, NULL, describe, start, NULL, run, report};
+const pm_fit_kind pm_fit_of_measurements = {load, NULL, describe, start, NULL, run, report};

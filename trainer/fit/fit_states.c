@@ -27,10 +27,12 @@
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
 #define NEGLIGIBLE 0.01
-// Errors relative to persistence below which a verdict is good or fair. A model is not good if one
-// group alone is not fair.
-#define GOOD 0.05
-#define FAIR 0.3
+// Errors of one step, relative to its length, and of what depends on temperatures, below which a
+// verdict is good or fair.
+#define STEP_GOOD 0.3
+#define STEP_FAIR 1.0
+#define WARM_GOOD 0.05
+#define WARM_FAIR 0.3
 
 // --- data ---
 
@@ -43,10 +45,6 @@ static pm_status load(pm_fit *f) {
                        f->dataset->dt, f->training->scene->path, dt);
     }
     return PM_OK;
-}
-
-static uint64_t digest(const pm_fit *f, int i) {
-    return pm_dataset_digest(f->dataset, i);
 }
 
 // Leaves out the states after the first seconds of each trajectory.
@@ -78,7 +76,7 @@ pm_status pm_fit_measure(const pm_fit *f, bool validation, pm_measure *measure) 
     const int count = validation                 ? f->split.nvalidation
                       : training < MOST_ROLLOUTS ? training
                                                  : MOST_ROLLOUTS;
-    const pm_evaluate_how how = {.threads = 2, .stop = f->stop};
+    const pm_evaluate_how how = {.threads = 2, .stop = f->interrupted ? NULL : f->stop};
     return pm_measure_make(measure, f->training->system, f->dataset, first, first + count, true,
                            &how);
 }
@@ -329,16 +327,26 @@ static pm_status run_stages(pm_fit *f) {
 static pm_status run(pm_fit *f) {
     pm_status status = run_stages(f);
     // The best weights may be so bad on the validation part that other initial weights are worth
-    // the time.
-    while (status == PM_OK && !f->expired && f->training->tries > 1 &&
-           f->position.attempt + 1 < MOST_ATTEMPTS && f->position.best > UNLUCKY) {
+    // the time, and so are they where the loss has not been finite from the beginning.
+    while ((status == PM_OK || status == PM_ENUMERIC) && !f->expired && f->training->tries > 1 &&
+           f->position.attempt + 1 < MOST_ATTEMPTS &&
+           (status == PM_ENUMERIC || f->position.best > UNLUCKY)) {
         ++f->position.attempt;
         begin_stage(f, 0);
-        printf("rollouts on the validation part are bad: other initial weights are tried\n");
+        if (status == PM_OK) {
+            printf("rollouts on the validation part are bad: other initial weights are tried\n");
+        } else {
+            printf("%s: other initial weights are tried\n", pm_error());
+        }
         status = pm_fit_search_start(f);
         status = status == PM_OK ? run_stages(f) : status;
     }
-    return status;
+    if (status == PM_ENUMERIC && f->position.best >= 0) {
+        status = PM_OK; // an attempt before was finite
+    }
+    return status == PM_ENUMERIC
+               ? pm_fail(PM_EUNFIT, "no initial weights lead to a model: %s", pm_error())
+               : status;
 }
 
 typedef struct fit_report {
@@ -346,6 +354,8 @@ typedef struct fit_report {
     pm_measure training, validation;
     const pm_measure *judged;    // the validation part, or where there is none the training part
     const pm_measure *black_box; // or NULL
+    pm_measure regression;       // the black box, if none was given
+    char regression_name[80];
 } fit_report;
 
 // --- the table ---
@@ -398,17 +408,19 @@ static void print_cells(const fit_report *r) {
     }
 }
 
+// Returns the production of entropy; NULL: there is none.
+static const pm_thermo_row *production_of(const pm_measure *m) {
+    const bool first = m->thermo.count > 0 && strcmp(m->thermo.row[0].kind, "production") == 0;
+    return first ? &m->thermo.row[0] : NULL;
+}
+
 static void print_production(const char *where, const pm_measure *m) {
-    const pm_thermo *t = &m->thermo;
-    for (int i = 0; i < t->count; ++i) {
-        if (strcmp(t->row[i].kind, "production") == 0) {
-            const pm_thermo_row *row = &t->row[i];
-            printf(
-                "Entropy produced over a run, %s: %.3g J/K, off by %.3g %% (mean %.3g, worst %.3g; "
-                "bias %+.3g)\n",
-                where, row->typical, 100 * row->median, 100 * row->mean, 100 * row->largest,
-                100 * row->bias);
-        }
+    const pm_thermo_row *row = production_of(m);
+    if (row != NULL) {
+        printf("Entropy produced over a run, %s: %.3g J/K, off by %.3g %% (mean %.3g, worst %.3g; "
+               "bias %+.3g)\n",
+               where, row->typical, 100 * row->median, 100 * row->mean, 100 * row->largest,
+               100 * row->bias);
     }
 }
 
@@ -438,38 +450,66 @@ static void print_laws(const pm_measure *m) {
 
 // --- the verdict ---
 
-const char *pm_fit_grade(double score, double worst) {
-    return score < GOOD && worst < FAIR ? "good" : score < FAIR ? "fair" : "poor";
-}
-
 static void print_verdict(const fit_report *r, const char *where) {
     const pm_measure *m = r->judged;
-    // The group whose rollouts have the largest error relative to persistence, if any group has
-    // more than a negligible error.
-    const pm_measure_cell *worst = NULL;
+    pm_verdict v = {.count = 0};
+    // The group whose rollouts have the largest error relative to persistence, and that with the
+    // largest error of one step, among those with more than a negligible error.
+    const pm_measure_cell *worst = NULL, *step = NULL;
     double ratio = 0;
     for (int c = 0; c < m->ncell; ++c) {
         const pm_measure_cell *cell = &m->cell[c];
         const double own = cell->rollout.median / cell->persistence.median;
-        if (cell->rollout.median > NEGLIGIBLE && own > ratio) {
-            worst = cell;
-            ratio = own;
+        if (cell->rollout.median > NEGLIGIBLE) {
+            worst = own > ratio ? cell : worst;
+            ratio = fmax(ratio, own);
+            step = step == NULL || cell->one_step > step->one_step ? cell : step;
         }
     }
-    printf("Verdict: %s. On the %s part rollouts have %.3g %% of the error of a state that stays "
-           "as it is (geometric mean over groups",
-           pm_fit_grade(m->score, ratio), where, 100 * m->score);
-    if (worst != NULL && ratio >= GOOD) {
-        printf("; %s of %s is the worst with %.3g %%", worst->group, worst->part, 100 * ratio);
+    pm_verdict_compare(&v, m->score, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
+                       "rollouts have %.3g %% of that error", 100 * m->score);
+    if (worst != NULL) {
+        pm_verdict_compare(&v, ratio, PM_VERDICT_FAIR, INFINITY,
+                           "those of %s of %s have %.3g %% of it", worst->group, worst->part,
+                           100 * ratio);
+        pm_verdict_compare(&v, step->one_step, STEP_GOOD, STEP_FAIR,
+                           "one step of %s of %s is wrong by %.3g %% of its length", step->group,
+                           step->part, 100 * step->one_step);
     }
-    printf(")");
+    const pm_thermo_row *produced = production_of(m);
+    if (produced != NULL) {
+        pm_verdict_compare(&v, produced->median, WARM_GOOD, WARM_FAIR,
+                           "the entropy produced is off by %.3g %%", 100 * produced->median);
+    }
+    const double warmer = m->thermo.warmer;
+    pm_verdict_compare(&v, fabs(warmer), WARM_GOOD, WARM_FAIR,
+                       "energy is balanced in the true states only if temperatures are %.3g %% "
+                       "%s, some %.2g K",
+                       100 * fabs(warmer), warmer > 0 ? "lower" : "higher",
+                       0.5 * (m->thermo.coldest + m->thermo.warmest) * fabs(warmer));
     if (r->black_box != NULL) {
-        const double times = r->black_box->score / m->score;
-        printf(times >= 1 ? "; %.3g times better than the black box"
-                          : "; %.3g times WORSE than the black box",
-               times >= 1 ? times : 1 / times);
+        const double times = m->score / r->black_box->score;
+        pm_verdict_compare(&v, m->score > PM_VERDICT_NEGLIGIBLE ? times : 0, PM_VERDICT_LOSES,
+                           INFINITY, "the structure loses: a black box has %.3g times less error",
+                           times);
     }
-    printf(".\n");
+    char text[400];
+    int n = snprintf(text, sizeof text,
+                     "On the %s part rollouts have %.3g %% of the error of a state that stays as "
+                     "it is (geometric mean over groups",
+                     where, 100 * m->score);
+    if (worst != NULL && ratio >= PM_VERDICT_GOOD) {
+        n += snprintf(text + n, sizeof text - (size_t)n,
+                      "; %.60s of %.60s is the worst with %.3g %%", worst->group, worst->part,
+                      100 * ratio);
+    }
+    if (r->black_box != NULL) {
+        snprintf(text + n, sizeof text - (size_t)n, "); the black box has %.3g %%.",
+                 100 * r->black_box->score);
+    } else {
+        snprintf(text + n, sizeof text - (size_t)n, ").");
+    }
+    pm_verdict_print(&v, text);
 }
 
 static pm_status judge(const fit_report *r) {
@@ -512,11 +552,25 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
         PM_TRY_DONE(pm_fit_measure(fit, true, &r.validation));
         r.judged = &r.validation;
     }
+    if (black_box == NULL) {
+        const int ntraining = fit->split.ntraining;
+        const int first = r.judged == &r.validation ? ntraining : 0;
+        const double seconds =
+            fmax(PM_FIT_BLACK_BOX_SHARE * pm_fit_processor_time(fit), PM_FIT_BLACK_BOX_LEAST);
+        PM_TRY_DONE(pm_measure_black_box(&r.regression, fit->training->system, fit->dataset,
+                                         ntraining, first, first + r.judged->evaluation->count,
+                                         seconds, r.regression_name));
+        r.black_box = r.regression.evaluation != NULL ? &r.regression : NULL;
+    }
     const pm_fit *f = r.fit;
     print_cells(&r);
     if (r.judged == &r.validation) {
         printf("Rollouts of %d training and %d validation trajectories, %d states each.\n",
                r.training.evaluation->count, r.validation.evaluation->count, f->dataset->ntime);
+    }
+    if (r.regression.evaluation != NULL) {
+        printf("Black box: %s, a regression without structure, trained beside.\n",
+               r.regression_name);
     }
     print_production("training", &r.training);
     if (r.validation.evaluation != NULL) {
@@ -527,8 +581,9 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
 done:
     pm_measure_free(&r.training);
     pm_measure_free(&r.validation);
+    pm_measure_free(&r.regression);
     return status;
 }
 
-const pm_fit_kind pm_fit_of_states = {load,   digest, shorten, describe, pm_fit_search_start,
-                                      resume, run,    report};
+const pm_fit_kind pm_fit_of_states = {load,   shorten, describe, pm_fit_search_start,
+                                      resume, run,     report};

@@ -20,7 +20,10 @@
 #define MOST_NAMED 4
 #define WARMER 0.01     // relative
 #define NEGLIGIBLE 1e-5 // part of an effect of which rounding decides
-#define MATCHED 1e-3    // part of an effect below which other weights make up for it
+#define ROUNDED 3       // times this part counts as nothing
+#define MATCHED 0.1     // part of an effect below which other weights make up for most of it
+#define UNCERTAIN 0.05  // relative error of temperatures, beyond which they are hardly determined
+#define MOST_MATCHING 3 // blocks of weights that are named
 
 // A block of weights, and the number of flat directions that it accounts for.
 typedef struct block {
@@ -59,6 +62,52 @@ static void report_flat(int n, double *h, int nblock, block *list, double *value
                 list[b].share);
     }
     fputc('\n', out);
+}
+
+// Says whether other weights can make up for a change of all temperatures. `effect` is the change
+// of the residuals by the weight `warmth`. h [n][n] is the matrix, scaled to a unit diagonal, and
+// is overwritten, as value [n] is.
+static void report_temperatures(pm_objective *objective, double effect, int warmth, int nblock,
+                                block *list, double *h, double *value, FILE *out) {
+    const int n = pm_objective_size(objective);
+    double median = 0, mean = 0;
+    memset(value, 0, (size_t)n * sizeof *value);
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        h[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
+    }
+    value[warmth] = 1;
+    if (!pm_cholesky_solve(n, h, value) || !(value[warmth] > 0) ||
+        pm_objective_residuals(objective, &median, &mean) != PM_OK) {
+        return;
+    }
+    // The part of the effect that is left if all other weights change so as to make up for it, as
+    // far as they can: 1/sqrt(H_aa (H^-1)_aa). It counts as nothing where rounding decides.
+    // Temperatures are determined as far as the rest stands out from the residuals of the model.
+    const double part = 1 / sqrt(value[warmth]);
+    const double known = part > ROUNDED * NEGLIGIBLE ? part * effect : 0;
+    if (part > MATCHED || !(sqrt(median) > UNCERTAIN * known)) {
+        return;
+    }
+    for (int b = 0; b < nblock; ++b) { // how much each block moves to make up for it
+        list[b].share = 0;
+        for (int i = list[b].first; i < list[b].first + list[b].size; ++i) {
+            list[b].share += i == warmth ? 0 : value[i] * value[i];
+        }
+    }
+    qsort(list, (size_t)nblock, sizeof *list, compare);
+    fprintf(out,
+            "temperatures are hardly determined: other weights can make up for all but %.2g %% "
+            "of this change, which is less than the residuals show. What is known of them "
+            "settles it:",
+            100 * part);
+    for (int b = 0; b < nblock && b < MOST_MATCHING && list[b].share > 0; ++b) {
+        fprintf(out, "%s %s %s", b == 0 ? "" : ",", list[b].component, list[b].name);
+        list[b].share = 0;
+    }
+    fprintf(out, "\n");
+    for (int b = 0; b < nblock; ++b) {
+        list[b].share = 0;
+    }
 }
 
 static void report_unexamined(int n, FILE *out) {
@@ -116,29 +165,10 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
     if (warmth >= 0) {
         fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n",
                 WARMER * gradient[warmth]);
-        // Which part of this effect remains if all other weights change so as to make up for it, as
-        // far as they can: 1/sqrt(H_aa (H^-1)_aa) for the matrix H, which is scaled to a unit
-        // diagonal. The part counts as NEGLIGIBLE where rounding decides.
-        double part = 1;
-        if (n <= MOST_DECOMPOSED) {
-            memcpy(vector, hessian, square * sizeof *vector);
-            memset(value, 0, size * sizeof *value);
-            for (ptrdiff_t i = 0; i < n; ++i) {
-                vector[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
-            }
-            value[warmth] = 1;
-            part = pm_cholesky_solve(n, vector, value) && value[warmth] > 0
-                       ? 1 / sqrt(value[warmth])
-                       : 1;
-        }
-        if (part < MATCHED) {
-            fprintf(out,
-                    "temperatures are hardly determined: other weights can make up for all but "
-                    "%.2g %% of this change. Where no coefficient of L is given, the scale of all "
-                    "energies is free, and parts fit together by the learned couplings alone; give "
-                    "a coefficient that is known.\n",
-                    100 * part);
-        }
+    }
+    if (warmth >= 0 && n <= MOST_DECOMPOSED) {
+        memcpy(vector, hessian, square * sizeof *vector);
+        report_temperatures(objective, gradient[warmth], warmth, nblock, list, vector, value, out);
     }
     if (n <= MOST_DECOMPOSED) {
         report_flat(n, hessian, nblock, list, value, vector, out);
