@@ -18,6 +18,13 @@ pm_status pm_training_range_declare(pm_part *part) {
     return pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX);
 }
 
+void pm_training_range_clear(pm_part *part) {
+    for (int i = 0; i < part->layout.ngroup; ++i) {
+        pm_params_find(&part->params, low_name)->value[i] = DBL_MAX;
+        pm_params_find(&part->params, high_name)->value[i] = -DBL_MAX;
+    }
+}
+
 static double measure(const pm_group *group, const double *z) {
     const double *x = z + group->first;
     double square = 0;

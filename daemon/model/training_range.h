@@ -12,6 +12,8 @@
 
 // Declares an empty range for the part. PM_ENOMEM.
 pm_status pm_training_range_declare(pm_part *part);
+// Empties a declared range again.
+void pm_training_range_clear(pm_part *part);
 // Widens the range so that it holds the state z [nz].
 void pm_training_range_widen(pm_part *part, const double *z);
 

@@ -208,7 +208,8 @@ config honest '{optimiser: gauss_newton, iterations: 12, batch: 200, substeps: 2
 fit honest honest || fail "fit honest"
 [ $code -eq 0 ] || fail "honest: exit code $code"
 says 'trajectories 0:4,5:9 of 24 states; validation on 4,9$'
-says '^Verdict: (good|fair|poor)\.'
+says '^Verdict: (good|fair|poor)\. .*; the black box has [0-9.e+-]+ %\.$'
+says '^Black box: .*, lag 1, a regression without structure'
 says '^Entropy produced over a run, validation: '
 says '^Laws: largest energy residual [0-9.]*e-1[0-9], steps in violation 0'
 grep -qE '^1,gauss_newton,12,[0-9.]+,[0-9.e+-]+,[0-9.e+-]+$' "$folder/honest/fit.csv" ||
@@ -360,7 +361,8 @@ for text in 'form: soft' 'law: bracket' 'hidden: \[8\], skip: linear'; do
 done
 timeout 1200 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
     >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
-says 'times (better than|WORSE than) the black box|the black box is not finite'
+says '^Verdict: .*; the black box has [0-9.e+-]+ %\.$'
+grep -q '^Black box: ' "$folder/out" && fail "--black-box: a regression was trained as well"
 [ "$(grep -n 'Best weights' "$folder/out" | head -n 1 | cut -d: -f1)" -lt \
     "$(grep -n 'A black box for comparison' "$folder/out" | cut -d: -f1)" ] ||
     fail "--black-box: the best weights are named behind the black box"

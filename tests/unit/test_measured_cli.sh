@@ -138,9 +138,12 @@ awk '/^windows of 4 / { sub(/.*residual /, ""); exit !($1 < 1.2) }' "$folder/out
     fail "fit: the deviation of a start holds back what happens later"
 grep -qE "room.C = 1[45][0-9][0-9]" "$folder/out" || fail "fit: expected a room of 1500 J/K"
 
-# --- a model that cannot follow is called poor ---
+# --- a model that cannot follow is called unfit, after other starts, and a black box that can is named ---
 sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"
-succeed "Verdict: poor" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"
+expect 13 "worse than the mean of the measurements" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"
+for text in "another start is tried" "Verdict: UNFIT" "^Black box: "; do
+    grep -q "$text" "$folder/out" || fail "fit: expected \"$text\""
+done
 
 # --- outliers neither spoil a fit nor its verdict ---
 for i in 1 2 3 4; do
@@ -149,7 +152,7 @@ done
 succeed "4 trajectories" import "$folder"/jump_?.csv -o "$folder/jump.h5"
 succeed "wrote" fit "$folder/training.yaml" --data "$folder/jump.h5" -o "$folder/jump"
 grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit with outliers: expected a stiffness of 9"
-grep -q "Verdict: poor" "$folder/out" && fail "fit with outliers: the model is right"
+grep -q "Verdict: good" "$folder/out" || fail "fit with outliers: the model is right"
 
 # --- interrupted and resumed: the same bits ---
 # The signal comes as soon as the program catches it.

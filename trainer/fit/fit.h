@@ -45,7 +45,7 @@ typedef struct pm_fit_position {
     int finer;   // how often the substeps of all stages of steps have been doubled
 } pm_fit_position;
 
-#define PM_FIT_MEASURED_POINT 8 // numbers of a point of the continuation
+#define PM_FIT_MEASURED_POINT 9 // numbers of a point of the continuation
 
 // The measurements of a fit.
 typedef struct pm_fit_measured {
@@ -58,6 +58,8 @@ typedef struct pm_fit_measured {
     // starts [nstart] of all windows; f->theta has its weights.
     double point[PM_FIT_MEASURED_POINT], *point_noise, *point_gap, *point_start;
     int nstart;
+    double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
+    int longest;        // samples of the longest track
     long used, samples; // number of samples that the fit uses, and of all samples
 } pm_fit_measured;
 

@@ -1,24 +1,40 @@
 // Measurements in a fit: loading them, states for the scales of models, and multiple shooting.
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/rng.h"
 #include "data/trained.h"
 #include "data/unit_change.h"
 #include "fit/fit.h"
 #include "fit/start.h"
+#include "inference/black_box.h"
 #include "inference/calibration.h"
+#include "model/training_range.h"
 #include "scene/columns.h"
 #include "shooting/continuation.h"
 #include "shooting/window_draws.h"
 
 #define NETWORK_REACH 10.0    // of weights, whose inputs have deviations of 1
 #define TEMPERATURE_REACH 0.1 // of the logarithm of a temperature
-#define POOR 0.3              // typical error of a column, of which the report warns
-#define MOST_REPORTED 8       // trajectories whose starts the report estimates
-#define EARLY_REACH 1.0       // of the logarithm of a positive constant, before the last point
-#define FAR_REACH 1e6         // of constants whose unit and size are not known
-#define SWING 16 // steps in which hidden components swing once, in states that fix scales
+#define UNLUCKY 0.3 // residual, over the deviation of a column, with which another start is tried
+#define LEAST_RESIDUAL 1e-9 // likewise
+#define OUTLIER 1e2         // deviations of the noise, which no residual counts more than
+#define MOST_ATTEMPTS 3
+#define DISTURBED 0.7 // deviation of a constant of another start, of its logarithm or its size
+// Records are divided into pieces for the calibration of bands if they are fewer than this.
+#define FEWEST_RECORDS 4
+#define PIECES 5
+#define SHORTEST_PIECE 4   // lengths of the first windows
+#define BANDS_SHARE 0.33   // of the work of the fit, which the calibration may take
+#define WIDER 2.0          // deviation of the start of a piece, in that of all pieces
+#define LEAST_COVERAGE 0.7 // of bands of 90 %, in a good fit
+#define NORMAL 1.644854    // half the width of a band of 90 %, in deviations
+#define MOST_REPORTED 8    // trajectories whose starts the report estimates
+#define EARLY_REACH 1.0    // of the logarithm of a positive constant, before the last point
+#define FAR_REACH 1e6      // of constants whose unit and size are not known
+#define SWING 16           // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
 #define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
@@ -157,6 +173,7 @@ static pm_status load(pm_fit *f) {
     m->point_gap = pm_arena_array(&f->arena, 2 * nz, sizeof *m->point_gap);
     m->point_start = pm_arena_array(&f->arena, (size_t)m->nstart, sizeof *m->point_start);
     m->point_noise = pm_arena_array(&f->arena, ny, sizeof *m->point_noise);
+    m->left_out = pm_arena_array(&f->arena, ny, sizeof *m->left_out);
     PM_TRY(pm_arena_status(&f->arena, "measurements"));
     // Assigns the noise of the training file to columns.
     for (int i = 0; i < f->training->nnoise; ++i) {
@@ -190,6 +207,7 @@ static pm_status load(pm_fit *f) {
     for (int i = 0; i < tracks.count; ++i) {
         const pm_track *r = &tracks.track[i];
         measured->used += r->count;
+        measured->longest = r->count > measured->longest ? r->count : measured->longest;
         measured->samples += r->sample[r->count - 1] + 1;
     }
     const pm_status status = fill_states(f, &tracks);
@@ -208,26 +226,11 @@ static void describe(const pm_fit *f) {
 
 // --- training ---
 
-// Whether a learned constant of component i stays positive.
-static bool is_positive(const pm_fit *f, int component, const char *name) {
-    const pm_system *system = f->training->system;
-    const int nsubsystem = system->scene->physics.nsubsystem;
-    const pm_constants *c = component < nsubsystem
-                                ? system->part[component]->spec.constants
-                                : system->port[component - nsubsystem]->spec.constants;
-    for (int i = 0; c != NULL && c->learned != NULL && i < c->count; ++i) {
-        if (strcmp(c->name[i], name) == 0) {
-            return c->learned[i] == PM_CONSTANT_POSITIVE;
-        }
-    }
-    return false;
-}
-
-// Writes a draw to theta. Draws begin from the weights as declared.
+// Writes a draw of the present attempt to theta. Draws begin from the weights as declared.
 static void draw(void *context, int id, double *theta) {
     pm_fit *f = context;
     pm_trained_scatter(f->training->system, f->declared);
-    pm_start_draw(f->training, id, theta);
+    pm_start_draw(f->training, id + f->position.attempt * f->training->tries, theta);
 }
 
 // Whether the initial weights are chosen by short fits to windows (shooting/window_draws.h), or by
@@ -268,10 +271,10 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
         }
         PM_TRY(pm_identifiability_warn(c->shooting, noise, gap));
     }
-    const double number[PM_FIT_MEASURED_POINT] = {point->stage,         point->length,
-                                                  point->round,         point->factor,
-                                                  point->damping,       point->progress.iterations,
-                                                  point->progress.idle, point->progress.before};
+    const double number[PM_FIT_MEASURED_POINT] = {
+        point->stage,         point->length,          point->round,
+        point->factor,        point->damping,         point->progress.iterations,
+        point->progress.idle, point->progress.before, point->finer};
     memcpy(m->point, number, sizeof number);
     memcpy(m->point_gap, s->terms.gap, (size_t)s->nz * sizeof *s->terms.gap);
     memcpy(m->point_gap + s->nz, s->terms.later, (size_t)s->nz * sizeof *s->terms.later);
@@ -292,7 +295,8 @@ static pm_status restore_point(const pm_fit_measured *m, pm_shooting *s,
         .round = (int)number[2],
         .factor = number[3],
         .damping = number[4],
-        .progress = {.iterations = (int)number[5], .idle = (int)number[6], .before = number[7]}};
+        .progress = {.iterations = (int)number[5], .idle = (int)number[6], .before = number[7]},
+        .finer = (int)number[8]};
     if (point->stage == PM_CONTINUATION_NONE) {
         return PM_OK;
     }
@@ -306,26 +310,283 @@ static pm_status restore_point(const pm_fit_measured *m, pm_shooting *s,
     return s->failed;
 }
 
+// The pieces of few records, with a shooting in which each piece is a trajectory of its own.
+typedef struct divided_fit {
+    pm_arena arena;
+    pm_dataset *data;
+    pm_observation observation;
+    pm_tracks tracks;
+    pm_shooting shooting;
+    int *which; // [tracks.count]
+} divided_fit;
+
+// Divides the records of a fit into `pieces` each, which begin in the fitted states.
+static pm_status divide(divided_fit *d, const pm_fit *f, const pm_shooting *s, int pieces) {
+    const pm_dataset *whole = f->measured.data;
+    const size_t nz = (size_t)s->nz, width = (size_t)whole->ncolumn;
+    const int count = s->tracks->count * pieces;
+    double *begin = pm_arena_array(&d->arena, (size_t)count * nz, sizeof *begin);
+    int longest = 0;
+    d->which = pm_arena_array(&d->arena, (size_t)count, sizeof *d->which);
+    d->observation = s->observation[0];
+    d->observation.guess = pm_arena_array(&d->arena, nz, sizeof *begin);
+    d->observation.deviation = pm_arena_array(&d->arena, nz, sizeof *begin);
+    PM_TRY(pm_arena_status(&d->arena, "pieces of records"));
+    for (int i = 0; i < s->tracks->count; ++i) {
+        const pm_track *t = &s->tracks->track[i];
+        const int all = t->sample[t->count - 1] + 1;
+        longest = all > longest ? all : longest;
+    }
+    longest = longest / pieces * 2 + 2;
+    PM_TRY(pm_dataset_new(&d->data, count, longest, whole->ncolumn, whole->dt, whole->column));
+    const size_t rows = (size_t)count * (size_t)longest;
+    d->data->measured = true;
+    d->data->times = pm_arena_array(&d->data->arena, rows, sizeof *d->data->times);
+    PM_TRY(pm_arena_status(&d->data->arena, "pieces of records"));
+    for (size_t k = 0; k < rows; ++k) {
+        d->data->times[k] = NAN;
+    }
+    for (size_t k = 0; k < rows * width; ++k) {
+        d->data->z[k] = NAN;
+    }
+    for (int i = 0; i < count; ++i) {
+        const int from = i / pieces, piece = i % pieces;
+        const pm_track *t = &s->tracks->track[from];
+        const int first = (int)((long)piece * t->count / pieces);
+        const int end = (int)((long)(piece + 1) * t->count / pieces);
+        const int start = t->sample[first], after = t->sample[end - 1] + 1;
+        d->which[i] = i;
+        memcpy(begin + (size_t)i * nz, s->state[from] + (size_t)first * nz, nz * sizeof *begin);
+        for (int k = start; k < after && k - start < longest; ++k) {
+            const int trajectory = f->split.trajectory[from];
+            d->data->times[(size_t)i * (size_t)longest + (size_t)(k - start)] =
+                pm_dataset_time(whole, trajectory, k);
+            memcpy(pm_dataset_state(d->data, i, k - start), pm_dataset_state(whole, trajectory, k),
+                   width * sizeof(double));
+        }
+    }
+    // A piece may begin wherever the fitted trajectories have been.
+    for (int c = 0; c < s->nz; ++c) {
+        double sum = 0, square = 0;
+        for (int i = 0; i < count; ++i) {
+            sum += begin[(size_t)i * nz + (size_t)c] / count;
+        }
+        for (int i = 0; i < count; ++i) {
+            const double away = begin[(size_t)i * nz + (size_t)c] - sum;
+            square += away * away / count;
+        }
+        d->observation.guess[c] = sum;
+        d->observation.deviation[c] = fmax(
+            s->observation->hidden[c] ? s->observation->deviation[c] : 0, WIDER * sqrt(square));
+    }
+    PM_TRY(pm_tracks_make(&d->tracks, f->training->scene, &d->observation, d->data, count, d->which,
+                          f->training->seconds, true));
+    pm_sensitivity_how how = s->how;
+    how.observation = &d->observation;
+    PM_TRY(pm_shooting_open(&d->shooting, &how, &d->tracks));
+    pm_shooting_terms *terms = &d->shooting.terms;
+    const size_t weights = (size_t)s->nweight * sizeof(double);
+    memcpy(terms->noise, s->terms.noise, (size_t)s->ny * sizeof(double));
+    memcpy(terms->gap, s->terms.gap, nz * sizeof(double));
+    memcpy(terms->first_weight, s->terms.first_weight, weights);
+    memcpy(terms->reach, s->terms.reach, weights);
+    for (int c = 0; c < s->nz; ++c) {
+        terms->prior[c] = s->observation->hidden[c] ? d->observation.deviation[c] : 0;
+    }
+    PM_TRY(pm_shooting_divide(&d->shooting, longest));
+    memcpy(d->shooting.z, begin, (size_t)count * nz * sizeof *begin);
+    return PM_OK;
+}
+
 static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {
     const pm_fit_measured *m = &f->measured;
-    pm_uncertainty u;
-    PM_TRY(pm_uncertainty_make(&u, s));
-    const pm_calibration_how how = {.data = m->data,
-                                    .which = f->split.trajectory,
-                                    .nheld = f->split.nvalidation,
-                                    .held = f->split.trajectory + f->split.ntraining,
-                                    .until = f->training->seconds,
-                                    .stop = f->stop};
-    pm_status status = pm_calibration_make(&u, s, &how);
-    if (status == PM_OK) {
-        pm_uncertainty_print(&u, s);
-        status = pm_identifiability_print(&u, s);
+    const int ntrack = s->tracks->count;
+    pm_uncertainty u = {0};
+    divided_fit d = {0};
+    // The states that the weights were trained on are those of the fitted trajectories.
+    for (int i = 0; i < f->training->scene->physics.nsubsystem; ++i) {
+        pm_training_range_clear(f->training->system->part[i]);
+        for (int t = 0; t < ntrack; ++t) {
+            for (int k = 0; k < s->tracks->track[t].count; ++k) {
+                pm_training_range_widen(f->training->system->part[i],
+                                        s->state[t] + (ptrdiff_t)k * s->nz +
+                                            f->training->scene->physics.subsystem[i].first);
+            }
+        }
     }
-    if (status == PM_OK) {
-        status = pm_uncertainty_save(&u, f->arguments->output);
+    pm_calibration_how how = {.data = m->data,
+                              .which = f->split.trajectory,
+                              .nheld = f->split.nvalidation,
+                              .held = f->split.trajectory + f->split.ntraining,
+                              .until = f->training->seconds,
+                              .work = BANDS_SHARE * s->work,
+                              .error = m->left_out,
+                              .stop = f->stop};
+    pm_status status;
+    PM_TRY_DONE(pm_uncertainty_make(&u, s));
+    // Few records are divided into pieces, so that there is something to leave out.
+    const int pieces = (PIECES + ntrack - 1) / ntrack;
+    int shortest = INT_MAX;
+    for (int i = 0; i < ntrack; ++i) {
+        const int own = s->tracks->track[i].count;
+        shortest = own < shortest ? own : shortest;
     }
+    const bool divides = ntrack < FEWEST_RECORDS && how.nheld < FEWEST_RECORDS &&
+                         shortest / pieces >= SHORTEST_PIECE * pm_continuation_first_length(s);
+    if (divides) {
+        PM_TRY_DONE(divide(&d, f, s, pieces));
+        how.data = d.data;
+        how.which = d.which;
+        how.nheld = 0;
+    }
+    PM_TRY_DONE(pm_calibration_make(&u, divides ? &d.shooting : s, &how));
+    pm_uncertainty_print(&u, s);
+    PM_TRY_DONE(pm_identifiability_print(&u, s));
+    status = pm_uncertainty_save(&u, f->arguments->output);
+done:
+    pm_shooting_close(&d.shooting);
+    pm_tracks_free(&d.tracks);
+    pm_dataset_free(d.data);
+    pm_arena_free(&d.arena);
     pm_uncertainty_free(&u);
     return status;
+}
+
+// How far weights are expected to be from their declared values: weights of networks, whose inputs
+// and outputs have deviations of about 1; logarithms of positive constants; other learned
+// constants, which have units, so that little is known of them; and temperatures, since coupled
+// bodies leave a common factor of them nearly free.
+static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
+    size_t at = 0;
+    memcpy(terms->first_weight, f->declared, (size_t)f->size * sizeof *terms->first_weight);
+    for (int i = 0; i < pm_system_components(f->training->system); ++i) {
+        const pm_system *system = f->training->system;
+        const int nsubsystem = system->scene->physics.nsubsystem;
+        const pm_params *params = pm_system_params(f->training->system, i);
+        const pm_constants *known = i < nsubsystem ? system->part[i]->spec.constants
+                                                   : system->port[i - nsubsystem]->spec.constants;
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const char *end = strrchr(entry->name, '.');
+            const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+            bool positive = false;
+            for (int j = 0; constant && known != NULL && known->learned != NULL && j < known->count;
+                 ++j) {
+                positive = positive || (known->learned[j] == PM_CONSTANT_POSITIVE &&
+                                        strcmp(known->name[j], entry->name + 9) == 0);
+            }
+            const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
+            for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
+                terms->reach[at] = positive    ? PM_SHOOTING_REACH
+                                   : constant  ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
+                                   : amplitude ? TEMPERATURE_REACH
+                                               : NETWORK_REACH;
+                terms->early_reach[at] = positive ? EARLY_REACH : terms->reach[at];
+            }
+        }
+    }
+}
+
+// Trains from the start of the present attempt, or from where it was interrupted. *end is where the
+// continuation ended.
+static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuation, int substeps,
+                         pm_continuation_point *end) {
+    const pm_fit_measured *m = &f->measured;
+    const bool random = memcmp(f->theta, f->declared, (size_t)f->size * sizeof *f->theta) != 0;
+    pm_shooting_set_substeps(s, substeps);
+    // Short fits choose the initial weights, if these are random, so that draws differ.
+    if (m->point[0] == PM_CONTINUATION_NONE && f->position.attempt < MOST_ATTEMPTS) {
+        if (random && searches_windows(f)) {
+            const pm_shooting_search search = {.tries = f->training->tries,
+                                               .iterations = f->training->try_iterations,
+                                               .length = SEARCHED * pm_continuation_first_length(s),
+                                               .draw = draw,
+                                               .context = f,
+                                               .stop = f->stop};
+            PM_TRY(pm_shooting_search_start(s, &search));
+            pm_shooting_set_substeps(s, substeps);
+        } else if (f->position.attempt > 0) {
+            draw(f, 0, f->theta);
+            // Moves the constants at random, positive ones by a factor.
+            pm_rng rng;
+            pm_rng_init(&rng, f->training->seed, (uint64_t)f->position.attempt);
+            for (int i = 0; i < f->size; ++i) {
+                const bool positive = s->terms.early_reach[i] < s->terms.reach[i];
+                const bool constant = positive || s->terms.reach[i] >= FAR_REACH;
+                const double size = positive ? 1 : constant ? fabs(f->theta[i]) : 0;
+                f->theta[i] += DISTURBED * size * pm_rng_normal(&rng);
+            }
+            pm_trained_scatter(f->training->system, f->theta);
+        }
+    }
+    PM_TRY(restore_point(m, s, &continuation->first_point));
+    return pm_continuation_run(s, continuation, end);
+}
+
+// Trains, and tries other starts where the first one does not lead to a model.
+static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continuation,
+                            int substeps) {
+    pm_fit_position *p = &f->position;
+    for (;;) {
+        pm_continuation_point end = {.length = 0};
+        const pm_status status = attempt(f, s, continuation, substeps, &end);
+        PM_TRY(status == PM_ENUMERIC ? PM_OK : status);
+        // The root mean square residual over the deviation of a column: the geometric mean.
+        // Outliers are cut.
+        double residual = status == PM_OK ? 0 : INFINITY;
+        for (int c = 0; c < s->ny && status == PM_OK; ++c) {
+            double square = 0, most = OUTLIER * s->terms.noise[c];
+            long n = 0;
+            for (int i = 0; i < s->tracks->count; ++i) {
+                for (int k = 0; k < s->tracks->track[i].count; ++k) {
+                    const ptrdiff_t at = (ptrdiff_t)k * s->ny + c;
+                    const bool measured = isfinite(s->tracks->track[i].y[at]);
+                    const double r = fmin(fabs(s->residual[i][at]), most);
+                    square += measured ? r * r : 0;
+                    n += measured;
+                }
+            }
+            const double own = n > 0 ? sqrt(square / (double)n) / s->tracks->deviation[c] : 0;
+            residual += log(fmax(own, LEAST_RESIDUAL)) / s->ny;
+        }
+        residual = exp(residual);
+        // A fit that stopped at short windows has not shown that it can predict longer ones.
+        const int longest = pm_continuation_longest(s);
+        const double stopped = end.length < longest ? 1 - end.length / (double)longest : 0;
+        residual += stopped;
+        const bool last = p->attempt == MOST_ATTEMPTS;
+        if (isfinite(residual) && (p->loss == 0 || residual < p->loss)) {
+            pm_shooting_weights(s, f->best);
+            p->loss = residual;
+            p->best_done = p->attempt;
+        }
+        if (residual < UNLUCKY || last || f->training->plain || f->size == 0 ||
+            (p->attempt + 1 == MOST_ATTEMPTS && p->best_done == p->attempt && p->loss > 0)) {
+            return isfinite(residual)
+                       ? PM_OK
+                       : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
+        }
+        if (p->attempt + 1 == MOST_ATTEMPTS && p->loss == 0) {
+            return pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
+        }
+        if (status == PM_OK && stopped > 0) {
+            printf("the fit stopped at windows of %d of %d samples: ", end.length, longest);
+        } else if (status == PM_OK) {
+            printf("the residuals are %.3g %% of the deviation: ", 100 * residual);
+        } else {
+            printf("%s: ", pm_error());
+        }
+        ++p->attempt;
+        printf(p->attempt < MOST_ATTEMPTS ? "another start is tried\n"
+                                          : "the best start is taken again\n");
+        f->measured.point[0] = PM_CONTINUATION_NONE;
+        pm_shooting_clear(s);
+        memset(s->terms.later, 0, (size_t)s->nz * sizeof *s->terms.later);
+        if (p->attempt == MOST_ATTEMPTS) {
+            memcpy(f->theta, f->best, (size_t)f->size * sizeof *f->theta);
+            pm_trained_scatter(f->training->system, f->theta);
+        }
+    }
 }
 
 static pm_status run(pm_fit *f) {
@@ -353,45 +614,8 @@ static pm_status run(pm_fit *f) {
     for (int c = 0; c < shooting.nz; ++c) {
         shooting.terms.prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
     }
-    // How far weights are expected to be from their declared values: weights of networks, whose
-    // inputs and outputs have deviations of about 1; logarithms of positive constants; other
-    // learned constants, which have units, so that little is known of them; and temperatures, since
-    // coupled bodies leave a common factor of them nearly free.
-    pm_shooting_terms *terms = &shooting.terms;
-    size_t at = 0;
-    memcpy(terms->first_weight, f->declared, (size_t)f->size * sizeof *terms->first_weight);
-    for (int i = 0; i < pm_system_components(f->training->system); ++i) {
-        const pm_params *params = pm_system_params(f->training->system, i);
-        for (int k = 0; k < params->count; ++k) {
-            const pm_param_entry *entry = &params->entry[k];
-            const char *end = strrchr(entry->name, '.');
-            const bool constant = strncmp(entry->name, "constant.", 9) == 0;
-            const bool positive = constant && is_positive(f, i, entry->name + 9);
-            const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
-            for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
-                terms->reach[at] = positive    ? PM_SHOOTING_REACH
-                                   : constant  ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
-                                   : amplitude ? TEMPERATURE_REACH
-                                               : NETWORK_REACH;
-                terms->early_reach[at] = positive ? EARLY_REACH : terms->reach[at];
-            }
-        }
-    }
-    // Short fits choose the initial weights, if these are random, so that draws differ.
-    if (m->point[0] == PM_CONTINUATION_NONE && searches_windows(f) &&
-        memcmp(f->theta, f->declared, (size_t)f->size * sizeof *f->theta) != 0) {
-        const pm_shooting_search search = {.tries = f->training->tries,
-                                           .iterations = f->training->try_iterations,
-                                           .length =
-                                               SEARCHED * pm_continuation_first_length(&shooting),
-                                           .draw = draw,
-                                           .context = f,
-                                           .stop = f->stop};
-        PM_TRY_DONE(pm_shooting_search_start(&shooting, &search));
-        shooting.how.substeps = loss->substeps;
-    }
-    PM_TRY_DONE(restore_point(m, &shooting, &continuation.first_point));
-    PM_TRY_DONE(pm_continuation_run(&shooting, &continuation));
+    set_reaches(f, &shooting.terms);
+    PM_TRY_DONE(try_starts(f, &shooting, &continuation, loss->substeps));
     status = find_uncertainty(f, &shooting);
 done:
     pm_shooting_close(&shooting);
@@ -403,42 +627,185 @@ done:
     return status;
 }
 
-static pm_status report(pm_fit *f, const pm_measure *black_box) {
-    (void)black_box;
+// Predicts the columns of the trajectories `judged` [count] by a black box that is trained on the
+// training part, and writes the medians of their errors to error [ny]. deviation [ny] receives the
+// deviations of the columns. PM_EDATA: there are too few samples for a black box; PM_ENOMEM.
+static pm_status run_black_box(pm_fit *f, const pm_estimate *e, const int *judged, double seconds,
+                               double *error, double *deviation, pm_black_box *chosen) {
+    const pm_fit_measured *m = &f->measured;
+    const pm_scene *scene = f->training->scene;
+    const bool held = f->split.nvalidation > 0;
+    const int ntraining = f->split.ntraining, count = ntraining + (held ? e->count : 0);
+    const int ninput = scene->physics.nprescribed, width = e->ny + ninput;
+    pm_arena arena = {0};
+    pm_tracks tracks = {0};
+    int *list = pm_arena_array(&arena, (size_t)count, sizeof *list);
+    int *ntime = pm_arena_array(&arena, (size_t)count, sizeof *ntime);
+    int *given = pm_arena_array(&arena, (size_t)count, sizeof *given);
+    double **row = pm_arena_array(&arena, (size_t)count, sizeof *row);
+    double **out = pm_arena_array(&arena, (size_t)count, sizeof *out);
+    pm_estimate own = *e;
+    own.y =
+        pm_arena_array(&arena, (size_t)e->count * (size_t)e->ntime * (size_t)e->ny, sizeof *own.y);
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(&arena, "a black box"));
+    memcpy(list, f->split.trajectory, (size_t)ntraining * sizeof *list);
+    memcpy(list + ntraining, judged, (size_t)(count - ntraining) * sizeof *list);
+    PM_TRY_DONE(pm_tracks_make(&tracks, scene, &m->observation, m->data, count, list,
+                               f->training->seconds, true));
+    memcpy(deviation, tracks.deviation, (size_t)e->ny * sizeof *deviation);
+    for (int i = 0; i < count; ++i) {
+        const pm_track *t = &tracks.track[i];
+        ntime[i] = 1 + (int)lround((t->time[t->count - 1] - t->time[0]) / scene->physics.dt);
+        given[i] = 1 + (int)(seconds / scene->physics.dt);
+        row[i] = pm_arena_array(&arena, (size_t)ntime[i] * (size_t)width, sizeof **row);
+        out[i] = pm_arena_array(&arena, (size_t)ntime[i] * (size_t)e->ny, sizeof **out);
+    }
+    PM_TRY_DONE(pm_arena_status(&arena, "a black box"));
+    for (int i = 0; i < count; ++i) {
+        const pm_track *t = &tracks.track[i];
+        given[i] = given[i] < ntime[i] ? given[i] : ntime[i] - 1;
+        for (int k = 0; k < ntime[i] * width; ++k) {
+            row[i][k] = NAN;
+        }
+        for (int k = 0; k < t->count; ++k) {
+            const long at = lround((t->time[k] - t->time[0]) / scene->physics.dt);
+            double *to = row[i] + at * width;
+            memcpy(to, t->y + (ptrdiff_t)k * e->ny, (size_t)e->ny * sizeof *to);
+            if (ninput > 0) {
+                memcpy(to + e->ny, t->now + (ptrdiff_t)k * ninput, (size_t)ninput * sizeof *to);
+            }
+        }
+    }
+    const pm_black_box_data data = {.nvalue = e->ny,
+                                    .ninput = ninput,
+                                    .count = count,
+                                    .ntraining = ntraining,
+                                    .ntime = ntime,
+                                    .row = row,
+                                    .given = given};
+    PM_TRY_DONE(pm_black_box_predict(
+        &data, fmax(PM_FIT_BLACK_BOX_SHARE * pm_fit_processor_time(f), PM_FIT_BLACK_BOX_LEAST), out,
+        chosen));
+    for (int i = 0; i < e->count; ++i) {
+        const pm_track *t = &tracks.track[held ? ntraining + i : i];
+        const double *runs = out[held ? ntraining + i : i];
+        double *y = own.y + (ptrdiff_t)i * e->ntime * e->ny;
+        for (int k = 0; k < t->count; ++k) {
+            const long at = lround((t->time[k] - t->time[0]) / scene->physics.dt);
+            memcpy(y + (ptrdiff_t)t->sample[k] * e->ny, runs + at * e->ny,
+                   (size_t)e->ny * sizeof *y);
+        }
+    }
+    for (int c = 0; c < e->ny; ++c) {
+        error[c] = pm_estimate_errors(&own, &m->observation, m->data, judged, seconds, c).median;
+    }
+done:
+    pm_tracks_free(&tracks);
+    pm_arena_free(&arena);
+    return status;
+}
+
+static void print_percent(double value) {
+    if (isnan(value)) {
+        printf(" %10s", "-");
+    } else {
+        printf(" %10.3g", 100 * value);
+    }
+}
+
+static pm_status report(pm_fit *f, const pm_measure *ignored) {
+    (void)ignored;
     const pm_fit_measured *m = &f->measured;
     const bool validation = f->split.nvalidation > 0;
+    const char *where = validation ? "validation" : "training";
     const int all = validation ? f->split.nvalidation : f->split.ntraining;
-    const int count = all < MOST_REPORTED ? all : MOST_REPORTED;
+    const int count = all < MOST_REPORTED ? all : MOST_REPORTED, ny = m->observation.count;
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
     const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
-    pm_estimate e;
-    const pm_estimate_how how = {
-        .seconds = seconds, .stop = f->stop, .until = f->training->seconds};
-    PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how));
+    pm_estimate e = {0};
+    pm_uncertainty u = {0};
+    pm_arena arena = {0};
+    pm_black_box box = {.tried = 0};
+    pm_verdict v = {.count = 0};
+    double *black = pm_arena_array(&arena, (size_t)ny, sizeof *black);
+    double *deviation = pm_arena_array(&arena, (size_t)ny, sizeof *deviation);
+    bool finite = true, known = false;
+    double worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
+    char text[200];
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(&arena, "a report"));
+    PM_TRY_DONE(pm_uncertainty_load(&u, f->arguments->output, f->training->system, &m->observation,
+                                    &known));
+    const pm_estimate_how how = {.seconds = seconds,
+                                 .stop = f->interrupted ? NULL : f->stop,
+                                 .uncertainty = known && !f->interrupted ? &u : NULL,
+                                 .until = f->training->seconds};
+    status =
+        pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how);
+    if (status == PM_ENUMERIC) {
+        printf("Verdict: UNFIT. The %s part cannot be predicted: %s.\n", where, pm_error());
+        status = pm_fail(PM_EUNFIT, "the %s part cannot be predicted: %s", where, pm_error());
+    }
+    PM_TRY_DONE(status);
+    status = run_black_box(f, &e, which, seconds, black, deviation, &box);
+    PM_TRY_DONE(status == PM_EDATA ? PM_OK : status); // too few samples for any
     printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
-           "column's deviation: median and largest\n",
-           validation ? "validation" : "training", seconds);
-    bool finite = true;
-    double worst = 0;
-    for (int c = 0; c < m->observation.count; ++c) {
-        const pm_box box = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
-        printf("  %-16s %10.3g %10.3g\n", m->observation.name[c], 100 * box.median,
-               100 * box.largest);
-        finite = finite && isfinite(box.median);
-        worst =
-            fmax(worst, pm_estimate_typical_error(&e, &m->observation, m->data, which, seconds, c));
+           "column's deviation: median and largest; left out of the fit; black box\n",
+           where, seconds);
+    for (int c = 0; c < ny; ++c) {
+        const pm_box errors = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
+        const double typical =
+            pm_estimate_typical_error(&e, &m->observation, m->data, which, seconds, c);
+        const double inside =
+            pm_estimate_coverage(&e, &m->observation, m->data, which, seconds, c, NORMAL);
+        printf("  %-16s %10.3g %10.3g", m->observation.name[c], 100 * errors.median,
+               100 * errors.largest);
+        print_percent(m->left_out[c] > 0 ? m->left_out[c] : NAN);
+        print_percent(box.tried > 0 ? black[c] : NAN);
+        printf("\n");
+        // What noise cannot explain: it differs from sample to sample.
+        const double noise = known ? u.independent[c] / deviation[c] : 0;
+        const double rest = sqrt(fmax(typical * typical - noise * noise, 0));
+        finite = finite && isfinite(errors.median);
+        worst = fmax(worst, typical);
+        unexplained = fmax(unexplained, rest);
+        own += log(errors.median) / ny;
+        other += box.tried > 0 ? log(black[c]) / ny : 0;
+        least = inside < least ? inside : least;
     }
-    if (finite && worst > POOR) {
-        printf(
-            "Verdict: poor. Predictions miss %.0f %% of the typical distance of a column from its "
-            "median. Other first values of the constants may help, or a larger deviation of hidden "
-            "starts in the scene.\n",
-            100 * worst);
+    if (box.tried > 0) {
+        printf("Black box: %s, a regression without structure, trained beside.\n", box.name);
     }
+    if (!finite || own > 0) {
+        const char *what = finite ? "worse than the mean of the measurements" : "not finite";
+        printf("Verdict: UNFIT. Predictions of the %s part are %s.\n", where, what);
+        status = pm_fail(PM_EUNFIT, "predictions of the %s part are %s", where, what);
+        goto done;
+    }
+    pm_verdict_compare(&v, unexplained, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
+                       "%.3g %% of it is not explained by noise", 100 * unexplained);
+    pm_verdict_compare(&v, m->point[1] < m->longest ? 1 : 0, 1, INFINITY,
+                       "the fit stopped at windows of %.0f of %d samples", m->point[1], m->longest);
+    if (validation && known && !f->interrupted) {
+        pm_verdict_compare(&v, 1 - least, 1 - LEAST_COVERAGE, INFINITY,
+                           "bands of 90 %% hold %.0f %% of a column", 100 * least);
+    }
+    if (box.tried > 0) {
+        pm_verdict_compare(
+            &v, unexplained > PM_VERDICT_GOOD ? exp(own - other) : 0, PM_VERDICT_LOSES, INFINITY,
+            "the structure loses: a black box has %.3g times less error", exp(own - other));
+    }
+    snprintf(text, sizeof text,
+             "On the %s part predictions miss %.3g %% of the typical distance of a column from its "
+             "median.",
+             where, 100 * worst);
+    pm_verdict_print(&v, text);
+done:
     pm_estimate_free(&e);
-    return finite ? PM_OK
-                  : pm_fail(PM_EUNFIT, "predictions of the %s part are not finite",
-                            validation ? "validation" : "training");
+    pm_uncertainty_free(&u);
+    pm_arena_free(&arena);
+    return status;
 }
 
 const pm_fit_kind pm_fit_of_measurements = {load, NULL, describe, start, NULL, run, report};

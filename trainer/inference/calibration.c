@@ -43,6 +43,8 @@ typedef struct calibration {
     int end[MOST_HELD]; // [count] the samples of trajectory i are sample[end[i - 1]] to end[i] - 1
     left_out *sample;   // [nsample]
     int nsample;
+    double *error; // [ny][MOST_HELD] of predicted trajectories
+    int npredicted;
 } calibration;
 
 // --- one trajectory ---
@@ -139,6 +141,11 @@ static pm_status predict(calibration *c, int count, const int *trajectory) {
     if (status == PM_OK) {
         for (int i = 0; i < n && status == PM_OK; ++i) {
             status = compare(c, &e, i, trajectory[i], how.seconds);
+            for (int k = 0; k < e.ny && c->npredicted < MOST_HELD; ++k) {
+                c->error[(ptrdiff_t)k * MOST_HELD + c->npredicted] = pm_estimate_error(
+                    &e, c->s->observation, c->how->data, trajectory, how.seconds, i, k);
+            }
+            c->npredicted += c->npredicted < MOST_HELD;
         }
         pm_estimate_free(&e);
     }
@@ -150,8 +157,11 @@ static pm_status predict(calibration *c, int count, const int *trajectory) {
 static pm_status run_fold(calibration *c, int fold, int nfold) {
     // If its first step hardly lowers the objective, it is the only one.
     pm_shooting_progress progress = {.idle = 1};
-    const pm_shooting_limits limits = {
-        .iterations = ITERATIONS, .enough = ENOUGH, .stop = c->how->stop};
+    const pm_shooting_limits limits = {.iterations = ITERATIONS,
+                                       .enough = ENOUGH,
+                                       .work =
+                                           c->how->work > 0 ? c->s->work + c->how->work / nfold : 0,
+                                       .stop = c->how->stop};
     double damping = DAMPING;
     // Keeps the windows of all trajectories that are not in the fold.
     pm_shooting *s = c->s;
@@ -221,11 +231,19 @@ static pm_status run(calibration *c) {
 pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibration_how *how) {
     calibration c = {.u = u, .s = s, .how = how, .nwindow = s->nwindow};
     u->scale = 1;
+    for (int k = 0; k < u->ny && how->error != NULL; ++k) {
+        how->error[k] = NAN;
+    }
     if (u->nweight == 0 || (s->tracks->count < 2 && how->nheld < FEWEST_HELD)) {
         return PM_OK;
     }
+    c.error = pm_arena_array(&c.arena, (size_t)u->ny * MOST_HELD, sizeof *c.error);
+    PM_TRY(pm_arena_status(&c.arena, "the calibration of bands"));
     const clock_t started = clock();
     const pm_status status = run(&c);
+    for (int k = 0; k < u->ny && how->error != NULL && c.npredicted > 0; ++k) {
+        how->error[k] = pm_box_of(c.npredicted, c.error + (ptrdiff_t)k * MOST_HELD).median;
+    }
     if (c.count > 0) {
         printf(
             "bands            %8d predictions %8.2f s of CPU   of trajectories that are left out\n",

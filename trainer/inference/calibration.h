@@ -8,11 +8,15 @@
 #include "inference/estimate.h"
 
 typedef struct pm_calibration_how {
-    const pm_dataset *data;            // the measurements
-    const int *which;                  // [s->tracks->count] the trajectories of the fit
-    int nheld;                         // trajectories that the fit has not used
-    const int *held;                   // [nheld]
-    double until;                      // s; nothing that is measured later counts; 0: all
+    const pm_dataset *data; // the measurements
+    const int *which;       // [s->tracks->count] the trajectories of the fit
+    int nheld;              // trajectories that the fit has not used
+    const int *held;        // [nheld]
+    double until;           // s; nothing that is measured later counts; 0: all
+    double work;            // pm_shooting.work that continued fits may do; 0: no limit
+    // [ny] receives the median error of predicted trajectories, relative to the deviation of a
+    // column (pm_estimate_error), or NAN if nothing is predicted; NULL: it does not.
+    double *error;
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
 } pm_calibration_how;
 

@@ -102,7 +102,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     }
     const pm_continuation continuation = {
         .given = given, .typical = o->deviation, .stop = how->stop};
-    PM_TRY_DONE(pm_continuation_run(&shooting, &continuation));
+    PM_TRY_DONE(pm_continuation_run(&shooting, &continuation, NULL));
     for (int w = 0; w < shooting.nwindow; ++w) {
         if (!shooting.window[w].follows) {
             memcpy(e->start + (ptrdiff_t)shooting.window[w].track * e->nz,

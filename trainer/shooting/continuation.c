@@ -14,8 +14,9 @@
 // Windows double while their gaps, as large as they become until the end of the next window, stay
 // below this many deviations of the noise.
 #define MOST_GROWN_GAP 10
-#define WIDER 3.0 // deviation of later starts from the guess, in units of what they are off by
-#define COARSER 2 // the factor between the steps of the integrator in the first windows and later
+#define WIDER 3.0  // deviation of later starts from the guess, in units of what they are off by
+#define BEYOND 2.0 // given deviations of first starts, beyond which the data ask for a wider prior
+#define COARSER 2  // the factor between the steps of the integrator in the first windows and later
 // A point goes on while its steps still lower the objective: what short windows leave wrong along a
 // direction that the data hardly determine, long windows repair only in tiny steps.
 #define POINT_ITERATIONS 100
@@ -32,6 +33,10 @@
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
 // relative noise of the measured ones.
 #define NORMAL_MEDIAN 1.4826022185056018
+// If the first windows cannot be integrated: how often substeps are doubled, and how often the
+// distance of the weights from their declared values is halved.
+#define MOST_FINER 5
+#define MOST_CALMER 8
 
 static int compare(const void *a, const void *b) {
     const double x = *(const double *)a, y = *(const double *)b;
@@ -108,7 +113,7 @@ static void set_gaps(pm_shooting *s, const pm_continuation *continuation, double
     }
 }
 
-// Lets the starts of later windows be as far from the guess as hidden components have moved, once
+// Lets the starts of windows be as far from the guess as hidden components have moved, once
 // they have moved further than the deviation of the first start: this prior is about the start of a
 // trajectory, and knows nothing of what happens after it.
 // Returns the largest relative change.
@@ -121,6 +126,20 @@ static double widen_later_priors(pm_shooting *s) {
             const double d = s->z[(ptrdiff_t)w * s->nz + c] - s->observation->guess[c];
             square += s->window[w].follows ? d * d : 0;
             count += s->window[w].follows;
+        }
+        // The first start itself may be further away than the scene says, too. What it says is kept
+        // unless the data clearly ask for more at the end, when the weights are known.
+        double first = 0;
+        long ntrack = 0;
+        for (int w = 0; w < s->nwindow; ++w) {
+            const double d = s->z[(ptrdiff_t)w * s->nz + c] - s->observation->guess[c];
+            first += s->window[w].follows ? 0 : d * d;
+            ntrack += !s->window[w].follows;
+        }
+        first = ntrack > 0 ? sqrt(first / (double)ntrack) : 0;
+        const double given = s->observation->deviation[c];
+        if (!s->terms.early && s->terms.prior[c] > 0 && first > BEYOND * given) {
+            s->terms.prior[c] = fmax(s->terms.prior[c], WIDER * first);
         }
         const double moved = count > 0 ? sqrt(square / (double)count) : 0,
                      before = s->terms.later[c];
@@ -253,6 +272,41 @@ static void begin_stage(pm_shooting *s, int stage, int substeps) {
     }
 }
 
+int pm_continuation_longest(const pm_shooting *s) {
+    int longest = 0;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        longest = s->tracks->track[i].count > longest ? s->tracks->track[i].count : longest;
+    }
+    return longest;
+}
+
+// Doubles the length of the windows, unless they could not be integrated then.
+static pm_status double_windows(pm_shooting *s, pm_continuation_point *point, bool *doubled) {
+    const size_t size = (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z;
+    double *kept = malloc(size);
+    if (kept == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the starts of windows");
+    }
+    memcpy(kept, s->z, size);
+    pm_status status = pm_shooting_divide(s, 2 * point->length);
+    if (status == PM_OK) {
+        *doubled = isfinite(pm_shooting_evaluate(s, s->z, false));
+        status = s->failed;
+    }
+    if (status == PM_OK && *doubled) {
+        point->length *= 2;
+    } else if (status == PM_OK) {
+        status = pm_shooting_divide(s, point->length);
+        if (status == PM_OK) {
+            memcpy(s->z, kept, size);
+            pm_shooting_evaluate(s, s->z, false);
+            status = s->failed;
+        }
+    }
+    free(kept);
+    return status;
+}
+
 // Chooses the point after one that has ended.
 static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
                             pm_continuation_point *point) {
@@ -268,24 +322,59 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     point->stage = PM_CONTINUATION_GROW;
     const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
     const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
-    int longest = 0;
-    for (int i = 0; i < s->tracks->count; ++i) {
-        longest = s->tracks->track[i].count > longest ? s->tracks->track[i].count : longest;
-    }
     // Once every track is one window, there is no gap left to close.
-    if (point->length >= longest || (closed && !joins)) {
+    bool ends = point->length >= pm_continuation_longest(s) || (closed && !joins);
+    if (!ends && joins) {
+        bool doubled = false;
+        PM_TRY(double_windows(s, point, &doubled));
+        ends = closed && !doubled;
+    }
+    if (ends) {
         point->stage = PM_CONTINUATION_LAST;
         return update_noise(s, continuation, true, NULL);
     }
     point->factor = fmax(point->factor * GAP_FALLS, PM_CONTINUATION_LAST_GAP);
-    if (joins) {
-        point->length *= 2;
-        PM_TRY(pm_shooting_divide(s, point->length));
-    }
     return PM_OK;
 }
 
-pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation) {
+// Makes the first windows integrable: with more substeps, or else with weights that are closer to
+// their declared values.
+static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
+    double *theta = malloc((size_t)s->nborder * sizeof *theta);
+    if (theta == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for weights");
+    }
+    pm_shooting_weights(s, theta);
+    bool finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+    for (int i = 0; i < MOST_FINER && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {
+        ++p->finer;
+        begin_stage(s, p->stage, substeps << p->finer);
+        finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+        if (finite) {
+            printf("The steps are too long for the model: %d substeps are taken.\n",
+                   substeps << p->finer);
+        }
+    }
+    if (!finite) {
+        p->finer = 0;
+        begin_stage(s, p->stage, substeps);
+    }
+    for (int i = 0; i < MOST_CALMER && !finite && s->failed == PM_OK; ++i) {
+        for (int k = 0; k < s->nweight; ++k) {
+            theta[k] = 0.5 * (theta[k] + s->terms.first_weight[k]);
+        }
+        pm_shooting_set_weights(s, theta);
+        finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+    }
+    free(theta);
+    PM_TRY(s->failed);
+    return finite ? PM_OK
+                  : pm_fail(PM_ENUMERIC, "the first windows of %d samples cannot be integrated",
+                            p->length);
+}
+
+pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation,
+                              pm_continuation_point *last) {
     const int substeps = s->how.substeps;
     pm_continuation_point point = continuation->first_point;
     if (point.stage == PM_CONTINUATION_NONE) {
@@ -300,16 +389,18 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
                                      .factor = FIRST_GAP};
         begin_stage(s, p->stage, substeps);
         PM_TRY(pm_shooting_divide(s, p->length));
-        pm_shooting_evaluate(s, s->z, false);
-        PM_TRY(s->failed);
+        PM_TRY(calm(s, p, substeps));
         PM_TRY(update_noise(s, continuation, false, NULL));
     }
     while (point.stage != PM_CONTINUATION_DONE) {
-        begin_stage(s, point.stage, substeps);
+        begin_stage(s, point.stage, substeps << point.finer);
         PM_TRY(continuation->keep == NULL ? PM_OK
                                           : continuation->keep(continuation->context, &point));
         PM_TRY(run_point(s, continuation, &point));
         PM_TRY(next_point(s, continuation, &point));
+    }
+    if (last != NULL) {
+        *last = point;
     }
     return continuation->keep == NULL ? PM_OK : continuation->keep(continuation->context, &point);
 }

@@ -30,6 +30,7 @@ typedef struct pm_continuation_point {
     int length; // samples of a window
     int round;  // completed rounds of steps with the same noise
     double factor, damping;
+    int finer;                     // how often the substeps have been doubled
     double after;                  // the objective after the last round
     pm_shooting_progress progress; // in the present round
 } pm_continuation_point;
@@ -50,8 +51,14 @@ typedef struct pm_continuation {
 
 // Returns the length of the first windows: twice as many samples as one needs to find a start.
 int pm_continuation_first_length(const pm_shooting *s);
-// Runs the continuation from its first point to its end. Fails as `keep` does. PM_EINTERRUPTED,
-// PM_ENUMERIC, PM_ENOMEM.
-pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation);
+// Runs the continuation from its first point to its end. If the first windows cannot be integrated
+// it takes more substeps, or weights closer to their declared values. Windows that cannot be
+// integrated in double length stay as they are. *last, unless it is NULL, receives the last point.
+// Fails as `keep` does. PM_EINTERRUPTED, PM_ENUMERIC, PM_ENOMEM.
+pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation,
+                              pm_continuation_point *last);
+// Returns the number of samples of the longest track, the length of the last windows of a
+// continuation that reaches its end.
+int pm_continuation_longest(const pm_shooting *s);
 
 #endif

@@ -19,6 +19,8 @@
 #define LEAST_MATRIX 1e-14
 static const pm_damping damping_of_starts = {
     .first = 1e-2, .smallest = 1e-10, .largest = 1e10, .relax = 0.2, .stiffen = 5};
+// The factor of the damping after a step to where derivatives are not finite.
+#define SHORTER 1e4
 
 typedef struct pm_shooting_lane {
     pm_shooting *shooting;
@@ -80,12 +82,14 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     s->blocks.reduced = pm_arena_array(arena, border * border, sizeof *s->blocks.reduced);
     s->theta = pm_arena_array(arena, border, sizeof *s->theta);
     s->residual = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->residual);
+    s->state = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->state);
     s->lane = pm_arena_array(arena, lanes, sizeof *s->lane);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(arena, "multiple shooting"));
     for (int i = 0; i < tracks->count; ++i) {
-        s->residual[i] =
-            pm_arena_array(arena, (size_t)tracks->track[i].count * ny, sizeof **s->residual);
+        const size_t samples = (size_t)tracks->track[i].count;
+        s->residual[i] = pm_arena_array(arena, samples * ny, sizeof **s->residual);
+        s->state[i] = pm_arena_array(arena, samples * nz, sizeof **s->state);
     }
     for (size_t i = 0; i < lanes; ++i) {
         pm_shooting_lane *l = &s->lane[i];
@@ -227,6 +231,7 @@ static void add_samples(pm_shooting_lane *l, int count, const int *window,
         const ptrdiff_t sample = w->first + k;
         const double *data = s->tracks->track[w->track].y + sample * ny;
         double *residual = s->residual[w->track] + sample * ny;
+        memcpy(s->state[w->track] + sample * nz, item[i]->z, (size_t)nz * sizeof(double));
         for (ptrdiff_t c = 0; c < ny; ++c) {
             residual[c] = l->y[i * ny + c] - data[c];
             if (isnan(data[c])) {
@@ -386,6 +391,10 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
         l->derivatives = derivatives;
         l->start = z;
         l->sensitivity = *own;
+    }
+    for (int w = 0; w < s->nwindow; ++w) {
+        const double derivative = derivatives ? s->nz + (s->terms.hold ? 0 : s->nweight) : 0;
+        s->work += (s->window[w].last - s->window[w].first) * (1 + derivative);
     }
     pm_team_run(NULL, work, s->lane, sizeof *s->lane);
     double objective = s->lane[0].objective;
@@ -584,12 +593,27 @@ typedef struct window_descent {
     pm_shooting_progress *progress;
     size_t size;                 // of all weights and starts: nweight + nwindow nz
     double *kept, *step, *trial; // [size]
+    double *before;              // [size] the point before `kept`
+    bool returns;                // `before` is known
+    double *damping;
     bool stuck;
 } window_descent;
 
 static bool is_over(void *context) {
     const window_descent *d = context;
-    return d->stuck || d->progress->iterations >= d->limits->iterations || d->progress->idle >= 2;
+    const bool late = d->limits->work > 0 && d->s->work > d->limits->work;
+    return d->stuck || late || d->progress->iterations >= d->limits->iterations ||
+           d->progress->idle >= 2;
+}
+
+// Makes `point` [size] the weights and starts.
+static void move_to(window_descent *d, const double *point) {
+    const size_t nweight = (size_t)d->s->nweight;
+    if (point != d->kept) {
+        memcpy(d->kept, point, d->size * sizeof *d->kept);
+    }
+    pm_shooting_set_weights(d->s, d->kept);
+    memcpy(d->s->z, d->kept + nweight, (d->size - nweight) * sizeof *d->s->z);
 }
 
 static pm_status linearise(void *context, double *objective) {
@@ -597,6 +621,16 @@ static pm_status linearise(void *context, double *objective) {
     const pm_shooting_limits *limits = d->limits;
     PM_TRY(limits->keep == NULL ? PM_OK : limits->keep(limits->context, d->progress));
     *objective = pm_shooting_evaluate(d->s, d->s->z, true);
+    if (!isfinite(*objective) && d->returns) {
+        // The last step led where the objective is finite, but its derivatives are not: it is
+        // taken back, and a shorter one follows.
+        PM_TRY(d->s->failed);
+        move_to(d, d->before);
+        d->returns = false;
+        *d->damping =
+            fmin(fmax(*d->damping, damping_of_starts.first) * SHORTER, damping_of_starts.largest);
+        *objective = pm_shooting_evaluate(d->s, d->s->z, true);
+    }
     if (!isfinite(*objective)) {
         PM_TRY(d->s->failed);
         return pm_fail(PM_ENUMERIC, "multiple shooting: the objective is %g", *objective);
@@ -624,10 +658,10 @@ static pm_status try_step(void *context, double before, double *after, double *f
 static pm_status finish(void *context, double before, double after, bool moved) {
     window_descent *d = context;
     if (moved) {
-        memcpy(d->kept, d->trial, d->size * sizeof *d->kept);
+        memcpy(d->before, d->kept, d->size * sizeof *d->kept);
+        d->returns = true;
     }
-    pm_shooting_set_weights(d->s, d->kept);
-    memcpy(d->s->z, d->kept + d->s->nweight, (d->size - (size_t)d->s->nweight) * sizeof *d->s->z);
+    move_to(d, moved ? d->trial : d->kept);
     ++d->progress->iterations;
     d->progress->after = after;
     if (d->limits->stop != NULL && *d->limits->stop) {
@@ -649,7 +683,9 @@ pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits,
                         .size = n,
                         .kept = pm_arena_array(&arena, n, sizeof *d.kept),
                         .step = pm_arena_array(&arena, n, sizeof *d.step),
-                        .trial = pm_arena_array(&arena, n, sizeof *d.trial)};
+                        .trial = pm_arena_array(&arena, n, sizeof *d.trial),
+                        .before = pm_arena_array(&arena, n, sizeof *d.before),
+                        .damping = damping};
     pm_status status = pm_arena_status(&arena, "multiple shooting");
     if (status == PM_OK) {
         pm_shooting_weights(s, d.kept);

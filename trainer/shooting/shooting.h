@@ -78,6 +78,8 @@ typedef struct pm_shooting {
     double *end;       // [nwindow][nz] where the windows end, by the last evaluation
     double *theta;     // [nweight] by the last evaluation
     double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
+    double **state;    // [tracks->count] -> [count][nz], the states then
+    double work;       // samples of all evaluations so far, times the derivatives of each
     pm_shooting_blocks blocks;
     struct pm_shooting_lane *lane; // [pm_team_lanes(NULL).own] threads
     pm_status failed;              // of the last evaluation: PM_ENOMEM, or PM_OK
@@ -116,6 +118,7 @@ typedef struct pm_shooting_limits {
     int iterations; // at most
     double enough;  // a step that lowers the objective by less than this fraction
                     // hardly lowers it; two in a row end the steps
+    double work;    // ends the steps when that of the shooting exceeds it; 0: no limit
     const volatile sig_atomic_t *stop; // ends the steps when nonzero; or NULL
     // Called before each step, from which the same call goes on with the same bits; or NULL.
     pm_status (*keep)(void *context, const pm_shooting_progress *progress);

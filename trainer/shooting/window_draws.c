@@ -15,12 +15,18 @@
 #define MEASUREMENTS_PER_WEIGHT 8
 #define STARTS_ITERATIONS 10 // with fixed weights, before the first round
 #define ENOUGH 1e-3
+// If no draw can be integrated, the windows become half as long and the draws half as far from the
+// declared weights, so many times.
+#define SHORTEST 2 // samples
+#define MOST_CALMER 6
+#define CALMER 0.5
 
 typedef struct race {
     pm_shooting *shooting;
     const pm_shooting_search *how;
     double *theta, *z; // [tries][nweight], [tries][nwindow][nz]
     double *damping;   // [tries]
+    double distance;   // of the draws from the declared weights, 1: as drawn
     bool hold;         // the weights stay as they are
     int iterations;
 } race;
@@ -61,7 +67,12 @@ static pm_status run(race *r, pm_arena *arena) {
     r->damping = pm_arena_array(arena, tries, sizeof *r->damping);
     PM_TRY(pm_arena_status(arena, "initial weights"));
     for (int i = 0; i < how->tries; ++i) {
-        how->draw(how->context, i, r->theta + (ptrdiff_t)i * s->nweight);
+        double *theta = r->theta + (ptrdiff_t)i * s->nweight;
+        how->draw(how->context, i, theta);
+        for (int k = 0; k < s->nweight && r->distance < 1; ++k) {
+            theta[k] =
+                s->terms.first_weight[k] + r->distance * (theta[k] - s->terms.first_weight[k]);
+        }
         memcpy(r->z + (size_t)i * cells, s->z, cells * sizeof *r->z);
     }
     int best = 0;
@@ -85,13 +96,14 @@ static pm_status run(race *r, pm_arena *arena) {
     return PM_OK;
 }
 
-pm_status pm_shooting_search_start(pm_shooting *s, const pm_shooting_search *search) {
-    race r = {.shooting = s, .how = search};
+// Draws and chooses with windows of `length` samples.
+static pm_status search_windows(race *r, int length) {
+    pm_shooting *s = r->shooting;
     const int nz = s->nz;
-    pm_shooting_set_substeps(s, (s->how.substeps + 1) / 2); // twice as fast, and near enough
-    PM_TRY(pm_shooting_divide(s, search->length));
+    pm_shooting_clear(s);
+    PM_TRY(pm_shooting_divide(s, length));
     // Drops all but some windows, evenly chosen, and separates them from each other.
-    const int wanted = MEASUREMENTS_PER_WEIGHT * s->nweight / (search->length * s->ny);
+    const int wanted = MEASUREMENTS_PER_WEIGHT * s->nweight / (length * s->ny);
     const int count = wanted > FEWEST_WINDOWS ? wanted : FEWEST_WINDOWS, all = s->nwindow;
     s->nwindow = count < all ? count : all;
     for (int i = 0; i < s->nwindow; ++i) {
@@ -105,8 +117,21 @@ pm_status pm_shooting_search_start(pm_shooting *s, const pm_shooting_search *sea
         s->terms.noise[c] = NOISE * s->tracks->deviation[c];
     }
     pm_arena arena = {0};
-    const pm_status status = run(&r, &arena);
+    const pm_status status = run(r, &arena);
     pm_arena_free(&arena);
+    return status;
+}
+
+pm_status pm_shooting_search_start(pm_shooting *s, const pm_shooting_search *search) {
+    race r = {.shooting = s, .how = search, .distance = 1};
+    pm_shooting_set_substeps(s, (s->how.substeps + 1) / 2); // twice as fast, and near enough
+    int length = search->length;
+    pm_status status = search_windows(&r, length);
+    for (int i = 0; status == PM_ENUMERIC && i < MOST_CALMER; ++i) {
+        r.distance *= CALMER;
+        length = length > 2 * SHORTEST ? length / 2 : SHORTEST;
+        status = search_windows(&r, length);
+    }
     pm_shooting_clear(s);
     return status;
 }
