@@ -4,13 +4,8 @@
 #include <math.h>
 #include <stdio.h>
 
-// Powers of the temperature beyond the constant start with this share of the heat capacity.
-#define POWER_START 0.03
-// Where a heat capacity has not seen data, its powers are those of a body at room temperature.
-#define FIRST_DEVIATION 30.0 // K
-// The exponents are at least this, and at most this plus the second number.
-#define LEAST_EXPONENT 1.5
-#define MOST_EXPONENT 25.0
+// Terms of a heat capacity beyond the constant one start with this share of it.
+#define TERM_START 0.03
 
 typedef char convex_name[160];
 
@@ -41,15 +36,13 @@ pm_status pm_convex_declare(const pm_convex_spec *spec, int i, const pm_symbols 
     if (spec->kind == PM_CONVEX_CAPACITY) {
         PM_TRY(pm_params_add(params, join(name, prefix, "mean"), 1, n, false, 0,
                              PM_DEFAULT_TEMPERATURE));
-        PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0,
-                             FIRST_DEVIATION));
+        PM_TRY(pm_params_add(params, join(name, prefix, "deviation"), 1, n, false, 0, 1));
         PM_TRY(spec->first > 0
                    ? PM_OK
                    : pm_params_add(params, join(name, prefix, "first"), 1, n, true, 0, 0));
-        return spec->nterm == 1
-                   ? PM_OK
-                   : pm_params_add(params, join(name, prefix, "powers"), spec->nterm - 1, n, true,
-                                   0, log(POWER_START * (spec->first > 0 ? spec->first : 1)));
+        return spec->nterm == 1 ? PM_OK
+                                : pm_params_add(params, join(name, prefix, "shape"),
+                                                spec->nterm - 1, n, true, 0, log(TERM_START));
     }
     if (n > PM_MAX_INERTIA || entries_of(spec, n) == 0) {
         return pm_spec_locate(
@@ -95,33 +88,39 @@ static pm_node build_inertia(pm_graph *g, const pm_convex_spec *spec, const pm_s
     return pm_scale(g, sum, 0.5);
 }
 
+static pm_node build_capacity(pm_graph *g, const pm_convex_spec *spec, const pm_symbols *symbols,
+                              const pm_params *params, const char *prefix) {
+    const pm_node T = pm_feature_build(g, spec->group[0], symbols);
+    const pm_node mean = pm_network_param(g, params, prefix, "mean"); // T0
+    const pm_node r = pm_div(g, T, mean), more = pm_offset(g, r, 1);
+    // C of each term, divided by T0: the second derivative by r is f_k/r.
+    const pm_node term[PM_MAX_TERMS] = {
+        pm_mul(g, r, pm_offset(g, pm_log(g, r), -1)),
+        pm_scale(g, pm_square(g, r), 1.0 / 2),
+        pm_scale(g, pm_mul(g, more, pm_offset(g, pm_log(g, more), -1)), 2),
+        pm_div(g, pm_constant(g, 1.0 / 2, 1, 1), r),
+        pm_scale(g, pm_mul(g, r, pm_square(g, r)), 1.0 / 6),
+    };
+    pm_node sum = term[0], weights = pm_constant(g, 1, 1, 1);
+    for (int k = 1; k < spec->nterm; ++k) {
+        const int row = k - 1;
+        const pm_node shape = pm_network_param(g, params, prefix, "shape");
+        const pm_node weight = pm_exp(g, pm_gather_rows(g, shape, 1, &row));
+        sum = pm_add(g, sum, pm_mul(g, weight, term[k]));
+        weights = pm_add(g, weights, weight);
+    }
+    const pm_node first = spec->first > 0 ? pm_constant(g, spec->first, 1, 1)
+                                          : pm_exp(g, pm_network_param(g, params, prefix, "first"));
+    const pm_node scale = pm_mul(g, first, pm_div(g, mean, weights));
+    return pm_sum_to(g, pm_mul(g, scale, sum), (pm_shape){true, 1, 1});
+}
+
 pm_node pm_convex_build(pm_graph *g, const pm_convex_spec *spec, int i, const pm_symbols *symbols,
                         const pm_params *params, const char *potential) {
     convex_name prefix;
     write_prefix(prefix, spec, potential, i);
-    if (spec->kind == PM_CONVEX_INERTIA) {
-        return build_inertia(g, spec, symbols, params, prefix);
-    }
-    const pm_node T = pm_feature_build(g, spec->group[0], symbols);
-    const pm_node mean = pm_network_param(g, params, prefix, "mean"); // T0
-    const pm_node deviation = pm_network_param(g, params, prefix, "deviation");
-    const pm_node ln = pm_log(g, pm_div(g, T, mean));
-    const pm_node first = spec->first > 0 ? pm_constant(g, spec->first, 1, 1)
-                                          : pm_exp(g, pm_network_param(g, params, prefix, "first"));
-    pm_node sum = pm_mul(g, first, pm_sub(g, pm_mul(g, T, ln), T));
-    const pm_node width =
-        pm_add(g, pm_scale(g, deviation, 2), pm_scale(g, mean, 1.0 / MOST_EXPONENT));
-    const pm_node step = pm_offset(g, pm_div(g, mean, width), LEAST_EXPONENT); // w
-    for (int k = 1; k < spec->nterm; ++k) {
-        const int row = k - 1, multiple = (k + 1) / 2;
-        const pm_node powers = pm_network_param(g, params, prefix, "powers");
-        const pm_node size = pm_exp(g, pm_gather_rows(g, powers, 1, &row));
-        const pm_node p = pm_scale(g, step, k % 2 == 1 ? multiple : -multiple);
-        const pm_node more = pm_offset(g, p, 1);
-        const pm_node factor = pm_div(g, pm_mul(g, size, mean), pm_mul(g, p, more));
-        sum = pm_add(g, sum, pm_mul(g, factor, pm_exp(g, pm_mul(g, more, ln))));
-    }
-    return pm_sum_to(g, sum, (pm_shape){true, 1, 1});
+    return spec->kind == PM_CONVEX_INERTIA ? build_inertia(g, spec, symbols, params, prefix)
+                                           : build_capacity(g, spec, symbols, params, prefix);
 }
 
 pm_status pm_convex_visit(const pm_convex_spec *spec, int i, const pm_symbols *symbols,

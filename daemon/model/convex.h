@@ -5,18 +5,17 @@
 // D = diag(1/l) divides each group by its typical length l in the data. If the inertia of the first
 // component is known, the first entry of A is l times the root of it.
 //
-// A heat capacity is c(T) = sum_k c_k r^p_k with r = T/T0 and c_k > 0. The exponents are p_0 = 0,
-// and then w, -w, 2w, -2w, ..., where w = 1.5 + T0/(2 d + T0/25) follows from the mean T0 and the
-// deviation d of the data, so that each power varies by a fair factor over them. Entropy s = dC/dT
-// and energy T s - C are explicit for all T > 0:
-//     C = c_0 (T ln r - T) + T0 sum_k>0 c_k r^(p_k + 1)/(p_k (p_k + 1))
+// A heat capacity is, with r = T/T0 and the mean T0 of the data,
+//     c(T) = c_0 sum_k w_k f_k(r),   f_k = 1, r, 2r/(1 + r), 1/r^2, r^2,   c_0 > 0, w_k > 0
+// where the weights w_k have the sum 1, so that c is c_0 at T0. It is positive for all T > 0, and
+// the entropy s = dC/dT and the energy T s - C are explicit.
 #ifndef PM_MODEL_CONVEX_H
 #define PM_MODEL_CONVEX_H
 
 #include "model/network.h"
 
 #define PM_MAX_INERTIA 8 // components that share an inertia
-#define PM_MAX_POWERS 7  // of a heat capacity
+#define PM_MAX_TERMS 5   // of a heat capacity
 
 // The parameters of convex term number i of the potential `potential` are
 // "<potential>.inertia.<i>.<...>" or "<potential>.capacity.<i>.<...>".

@@ -163,9 +163,9 @@ typedef struct pm_convex_spec {
     int ngroup;
     const char *const *group; // [ngroup] one of a capacity
     pm_network_spec network;  // of the entries of an inertia
-    int nterm;                // powers of the temperature of a capacity
-    double first; // the known inertia of the first component, or the constant term of a capacity in
-                  // J/K; 0: it is learned as the others are
+    int nterm;                // of a capacity
+    double first; // the known inertia of the first component, or capacity at the mean temperature
+                  // in J/K; 0: it is learned as the rest is
     const char *at;
 } pm_convex_spec;
 

@@ -198,7 +198,7 @@ static pm_status read_convex(pm_yaml item, pm_arena *arena, pm_convex_spec *conv
                                         {0}};
     const pm_yaml_key capacity_keys[] = {
         {PM_YAML_VALUE("of", &of), .required = true},
-        {PM_YAML_INT("terms", &convex->nterm, 1, PM_MAX_POWERS)},
+        {PM_YAML_INT("terms", &convex->nterm, 1, PM_MAX_TERMS)},
         {PM_YAML_DOUBLE("first", &convex->first, DBL_MIN, DBL_MAX)},
         {0}};
     PM_TRY(pm_yaml_read(item, arena, item_keys));
