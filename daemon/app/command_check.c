@@ -129,7 +129,8 @@ static void print_subsystem(const pm_setup *setup, int i) {
            subsystem->layout.nz);
     for (int g = 0; g < subsystem->layout.ngroup; ++g) {
         const pm_group *group = &subsystem->layout.group[g];
-        printf("  %-10s %d x %-10s", group->name, group->size, group->unit);
+        printf("  %-10s %d x %-10s%s", group->name, group->size, group->unit,
+               group->coenergy ? " co-energy" : "");
         if (subsystem->column != NULL) {
             print_names(subsystem->column + group->first, group->size);
         }

@@ -569,6 +569,19 @@ int pm_system_without_energy(const pm_system *system) {
     return -1;
 }
 
+pm_status pm_system_check_integrator(const pm_system *system, const pm_integrator *integrator,
+                                     const char *at) {
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        if (pm_integrator_keeps_energy(integrator) && pm_part_has_coenergies(system->part[i])) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: integrator %s cannot step co-energies, and the state of subsystem "
+                           "%s has some: expected euler, heun, rk4 or rk6",
+                           at, integrator->name, system->scene->physics.subsystem[i].name);
+        }
+    }
+    return PM_OK;
+}
+
 void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
     const pm_scene *scene = system->scene;
     memset(component, 0, (size_t)scene->physics.subsystem[subsystem].layout.nz * sizeof *component);

@@ -54,6 +54,11 @@ pm_params *pm_system_params(const pm_system *system, int component);
 // PM_ECONFIG, PM_ENOMEM.
 pm_status pm_system_declare(pm_system *system, int component);
 
+// Checks that the integrator can step all states. One that keeps the energy by construction cannot
+// step co-energies (model/part.h). PM_ECONFIG, with the place `at` of the integrator's name.
+pm_status pm_system_check_integrator(const pm_system *system, const pm_integrator *integrator,
+                                     const char *at);
+
 // Sets component[c] for each component c of a subsystem's state: true if the irreversible exchange
 // of some port acts on it (model/prediction.h). component: [nz].
 void pm_system_responding(const pm_system *system, int subsystem, bool *component);

@@ -26,12 +26,6 @@ static pm_status check_subsystem(const pm_model *m, int id) {
                        "discrete_gradient",
                        scene->physics.integrator_at, subsystem->name);
     }
-    if (pm_integrator_keeps_energy(m->integrator) && pm_part_has_coenergies(part)) {
-        return pm_fail(PM_ECONFIG,
-                       "%s: integrator %s cannot step co-energies, and the state of subsystem %s "
-                       "has some: expected euler, heun, rk4 or rk6",
-                       scene->physics.integrator_at, m->integrator->name, subsystem->name);
-    }
     if (m->method->implicit && !pm_part_is_discrete(part)) {
         return pm_fail(PM_ECONFIG,
                        "%s: integrator %s needs energies and entropies of the features x, |x|, "
@@ -525,6 +519,8 @@ pm_status pm_model_open(pm_model *m, pm_data *d, const pm_system *system, int co
     m->id = id;
     m->integrator = system->scene->physics.integrator;
     m->method = pm_method_of(m->integrator);
+    PM_TRY_DONE(
+        pm_system_check_integrator(system, m->integrator, system->scene->physics.integrator_at));
     PM_TRY_DONE(group_subsystems(m, &scratch));
     for (int i = 0; i < m->ngroup; ++i) {
         PM_TRY_DONE(open_group(m, &m->group[i]));

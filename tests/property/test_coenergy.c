@@ -218,6 +218,87 @@ static double dot(int n, const double *a, const double *b, double *gross) {
     return sum;
 }
 
+// --- convex terms ---
+
+// Opens a part of three groups and computes the energy variables x and, for each component of x,
+// the derivative by its co-energy.
+static void evaluate_part(const char *state, const char *model, const double *parameter,
+                          const double *z, int nz, double *x, double *slope) {
+    char text[1024];
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    random_system w;
+    snprintf(text, sizeof text,
+             "scene: convex\ntime: {dt: 1.0, steps: 1, integrator: rk4}\n"
+             "subsystems: {a: {weights: a.h5, state: {%s}}}\n",
+             state);
+    random_system_of_text(&w, 1, text, model, NULL);
+    pm_part *part = w.system->part[0];
+    for (int i = 0; i < part->params.count; ++i) {
+        for (int j = 0; j < part->params.entry[i].rows * part->params.entry[i].cols; ++j) {
+            part->params.entry[i].value[j] = *parameter++;
+        }
+    }
+    require(pm_graph_open(&g));
+    const pm_node input = pm_input(g, true, 1, nz);
+    pm_node output[2] = {pm_part_energy_variables(g, part, input), PM_NO_NODE};
+    for (int c = 0; c < nz; ++c) {
+        pm_node row;
+        pm_gradient(g, pm_slice(g, output[0], c, 1), PM_NO_NODE, 1, &input, &row);
+        output[1] = pm_concat_or(g, output[1], pm_slice(g, row, c, 1));
+    }
+    require(pm_program_open(&program, g, 2, output, 1));
+    memcpy(pm_program_value(program, input), z, (size_t)nz * sizeof *z);
+    pm_program_run(program, 1);
+    memcpy(x, pm_program_value(program, output[0]), (size_t)nz * sizeof *x);
+    memcpy(slope, pm_program_value(program, output[1]), (size_t)nz * sizeof *slope);
+    pm_program_close(program);
+    pm_graph_close(g);
+    random_system_close(&w);
+}
+
+static void capacities_and_inertias_are_as_the_pages_say(void **state) {
+    (void)state;
+    // mean, deviation, and the logarithms of the first capacity and of the other weights
+    static const double capacity[] = {310, 250, 20, 9, 1.4, 1.1, 0.5, -1, 0.2, 1, 2, -0.3, 0.7, -2};
+    const double T[2] = {275, 400};
+    double x[3], slope[3];
+    evaluate_part("T: {unit: K, size: 2, coenergy: true}",
+                  "coenergy: {capacity: {of: T, terms: 5}}\nentropy: {given: T}\n", capacity, T, 2,
+                  x, slope);
+    for (int c = 0; c < 2; ++c) {
+        const double r = T[c] / capacity[c];
+        const double f[5] = {1, r, 2 * r / (1 + r), 1 / (r * r), r * r};
+        double sum = f[0], weights = 1;
+        for (int k = 1; k < 5; ++k) {
+            const double weight = exp(capacity[4 + 2 * k + c]);
+            sum += weight * f[k];
+            weights += weight;
+        }
+        const double expected = exp(capacity[4 + c]) * sum / weights;
+        check("heat capacity T ds/dT", T[c] * slope[c], expected, 1e-13 * expected);
+    }
+    // typical lengths of both groups, and the entries of A below the known first one
+    static const double inertia[] = {2, 5, 0.3, 0.4, -0.4, 0.6, -0.35};
+    const double y[3] = {0.8, -1.1, 2.3};
+    evaluate_part(
+        "v: {unit: m/s, size: 2, coenergy: true}, u: {unit: rad/s, size: 1, coenergy: true}",
+        "coenergy: {inertia: {of: [v, u], first: 9.0}}\n", inertia, y, 3, x, slope);
+    const double A[3][3] = {
+        {6.0 / 2, 0, 0}, {0.3 / 2, exp(0.4) / 2, 0}, {-0.4 / 5, 0.6 / 5, exp(-0.35) / 5}};
+    for (int i = 0; i < 3; ++i) {
+        double momentum = 0, own = 0;
+        for (int k = 0; k < 3; ++k) {
+            own += A[i][k] * A[i][k];
+            for (int j = 0; j < 3; ++j) {
+                momentum += A[i][k] * A[j][k] * y[j];
+            }
+        }
+        check("momentum", x[i], momentum, 1e-13);
+        check("inertia", slope[i], own, 1e-13);
+    }
+}
+
 // Released rates of the state change energy, entropy and energy variables as the inner rates do.
 static void release_keeps_all_rates(void **state) {
     (void)state;
@@ -409,6 +490,7 @@ int main(void) {
     pm_linalg_init();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(both_kinds_of_variables_move_alike),
+        cmocka_unit_test(capacities_and_inertias_are_as_the_pages_say),
         cmocka_unit_test(release_keeps_all_rates),
         cmocka_unit_test(trainer_takes_the_same_step),
         cmocka_unit_test(all_divisions_have_the_same_bits),

@@ -210,6 +210,7 @@ static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *un
                                 pm_integrator_names());
         }
         loss->integrator = found;
+        PM_TRY(pm_system_check_integrator(t->system, found, pm_yaml_where(value, arena)));
     }
     if (pm_yaml_exists(value = pm_yaml_get(block, "substeps"))) {
         PM_TRY(pm_yaml_int(value, 1, 1000, &loss->substeps));
@@ -311,6 +312,8 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
                                 .balance = t->plain ? 0 : BALANCE},
                        .unroll = 1};
     const pm_yaml loss = pm_yaml_get(root, "loss");
+    PM_TRY(pm_system_check_integrator(t->system, common.loss.integrator,
+                                      t->scene->physics.integrator_at));
     if (pm_yaml_exists(loss)) {
         PM_TRY(pm_yaml_allow(loss, loss_keys));
         PM_TRY(read_loss(loss, t, &common.loss, &common.unroll));
