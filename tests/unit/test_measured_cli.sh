@@ -63,6 +63,26 @@ h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expect
 h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
 h5dump -H -d /state_deviation "$folder/y.h5" | grep -q "( 1, 250, 3 )" || fail "record: expected deviations of all states"
 
+# --- the same from tables, without a dataset of ours; in degrees, predictions are in degrees ---
+numbers() {
+    h5dump -y -w 1 -d /y "$1" | awk '/^ *DATA [{]/ { inside = 1; next } inside && /}/ { exit } inside && NF { gsub(/[ ,]/, ""); print }'
+}
+succeed "arm.useless: the data do not fix it" fit "$folder/training.yaml" --data "$folder"/swing_?.csv -o "$folder/tables"
+h5diff "$folder/weights/arm.h5" "$folder/tables/arm.h5" /parameters || fail "fit to tables: other weights"
+succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/tables" --data "$folder/swing_4.csv" --estimate 1.5 \
+    --record "$folder/t.h5"
+numbers "$folder/y.h5" >"$folder/y.txt"
+numbers "$folder/t.h5" | cmp -s - "$folder/y.txt" || fail "evaluate of a table: other predictions"
+sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/direct.yaml"
+awk -F'; ' -v OFS='; ' 'NR == 2 { sub("rad", "deg") } NR > 2 && $2 != "" { $2 = sprintf("%.12g", $2*57.295779513082323) } { print }' \
+    "$folder/swing_4.csv" >"$folder/degrees.csv"
+succeed "unseen" evaluate "$folder/direct.yaml" --weights "$folder/weights" --data "$folder/swing_4.csv" --estimate 1.5 --record "$folder/y.h5"
+succeed "converts angle from deg to rad" evaluate "$folder/direct.yaml" --weights "$folder/weights" --data "$folder/degrees.csv" \
+    --estimate 1.5 --record "$folder/t.h5"
+numbers "$folder/y.h5" >"$folder/y.txt"
+numbers "$folder/t.h5" | paste "$folder/y.txt" - | awk '{ d = $1*57.295779513082323 - $2; if (d > 1e-3 || -d > 1e-3) exit 1; ++n }
+    END { exit n != 250 }' || fail "evaluate in degrees: expected the same predictions in degrees"
+
 # --- pictures of predictions with bands ---
 if command -v gnuplot >/dev/null; then
     succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
@@ -220,11 +240,6 @@ expect 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yam
 expect 4 'there is no folder' import "$folder/swing_1.csv" -o "$folder/none/swing.h5"
 sed 's/(rad)/(deg)/' "$folder/swing_2.csv" >"$folder/other.csv"
 expect 5 'in the same units' import "$folder/swing_1.csv" "$folder/other.csv" -o "$folder/no.h5"
-sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/degrees.yaml"
-sed 's/(rad)/(deg)/' "$folder/swing_1.csv" >"$folder/degrees.csv"
-succeed "1 trajectories" import "$folder/degrees.csv" -o "$folder/degrees.h5"
-succeed "converts angle from deg to rad" evaluate "$folder/degrees.yaml" \
-    --weights "$folder/weights" --data "$folder/degrees.h5" --estimate 1
 printf 'when,a\n0,1\n1,2\n' >"$folder/bad.csv"
 expect 5 'the columns are: when a' import "$folder/bad.csv" -o "$folder/no.h5"
 printf 't [m],a\n0,1\n1,2\n' >"$folder/bad.csv"

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """test_tables.py BUILD: `portmet-train import` reads tables as programs write them, number by number; and what is cut or
 damaged ends with one line and the exit code of a file or its content, never with a traceback."""
+import contextlib
+import io
 import os
 import pathlib
 import random
@@ -25,6 +27,9 @@ except ImportError:
 build = pathlib.Path(sys.argv[1]).resolve()
 train, daemon = build / "trainer/portmet-train", build / "daemon/app/portmetd"
 folder = pathlib.Path(tempfile.mkdtemp())
+sys.path.insert(0, str(build / "daemon/python/portmet/tables"))
+import reader  # noqa: E402
+
 nan = float("nan")
 failures = []
 LOG, LCM_PORT = "log", 7667
@@ -40,10 +45,29 @@ def run(*words, **options):
     return subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=200, check=False, **options)
 
 
-def imported(what, *words):
+def import_tables(words, out, program):
+    """Imports by the program, or in this process, which saves the start of a Python."""
+    if program:
+        return run(train, "import", *words, "-o", out)
+    arguments, tables = [str(out)], []
+    words = list(map(str, words))
+    while words:
+        word = words.pop(0)
+        if word == "--log":
+            tables.append(words.pop(0))
+        elif word.startswith("--"):
+            arguments.append(f"{word}={words.pop(0)}")
+        else:
+            tables.append(word)
+    with contextlib.redirect_stdout(io.StringIO()) as said, contextlib.redirect_stderr(io.StringIO()) as error:
+        code = reader.main([*arguments, "--", *tables])
+    return subprocess.CompletedProcess(words, code, said.getvalue(), error.getvalue())
+
+
+def imported(what, *words, program=False):
     """Imports tables; returns z, t, the names and the units, and what was printed."""
     out = folder / "out.h5"
-    done = run(train, "import", *words, "-o", out)
+    done = import_tables(words, out, program)
     check(done.returncode == 0 and not done.stderr, f"{what}: exit code {done.returncode}, {done.stderr}")
     if done.returncode != 0:
         return np.zeros((1, 1, 1)), np.zeros(1), [], [], done.stdout
@@ -63,8 +87,8 @@ def write(name, text, encoding="utf-8"):
     return folder / name
 
 
-def refused(what, code, words, *arguments):
-    done = run(train, "import", *arguments, "-o", folder / "no.h5")
+def refused(what, code, words, *arguments, program=False):
+    done = import_tables(arguments, folder / "no.h5", program)
     check(done.returncode == code and words in done.stderr and done.stderr.count("\n") == 1 and
           done.stderr.startswith("portmet-train: "), f"{what}: exit code {done.returncode}, {done.stderr!r}, expected {words!r}")
     check(not (folder / "no.h5").exists(), f"{what}: a refused table left a file")
@@ -75,7 +99,7 @@ def tables():
     german = write("german.csv", "Messger\u00e4t;Logger 7\nSeriennummer;4711\n\nZeit Stempel;Temp.;Druck;Status\n"
                    "-;\u00b0C;bar;\n2024-03-01 23:59:58;21,5;1,01;ok\n2024-03-01 23:59:59;21,75;N/A;ok\n"
                    "2024-03-02 00:00:00;;-0,5e1;ok\nEnde der Aufzeichnung\n", "latin-1")
-    z, t, names, units, said = imported("german", german)
+    z, t, names, units, said = imported("german", german, program=True)
     same("german", z, [[[21.5, 1.01], [21.75, nan], [nan, -5]]])
     same("german, times", t, [0, 1, 2])
     check(names == ["Temp.", "Druck"] and units == ["\u00b0C", "bar"], f"german: {names} {units}")
@@ -104,7 +128,7 @@ def tables():
     check(units == ["RN", "Deg C", "m/s"], f"campbell: {units}")
 
     logger = write("logger.txt", "Time_ms\tlevel\tflow\n0\t0.5\t-999\n0\t0.6\t1\n20\t-999\t2\n40\t0.75\t3\n45\t0.75\t3\n\n")
-    z, t, names, _, said = imported("logger", logger, "--missing", "-999,9999")
+    z, t, names, _, said = imported("logger", logger, "--missing", "-999,9999", program=True)
     same("logger", z, [[[0.5, nan], [nan, 2], [0.75, 3], [0.75, 3]]])
     same("logger, times", t, [[0, 0.02, 0.04, 0.045]])
     check("1 rows that repeat a time" in said and "2 samples that --missing names" in said, f"logger: {said}")
@@ -120,11 +144,23 @@ def tables():
     same("clock", z, [[[100], [101], [102]]])
     same("clock, times", t, [0, 0.5, 1])
 
+    z, t, _, _, _ = imported("a time with its unit", write("px4.csv", "stamp,x\n1000000,1\n1004000,2\n"), "--time", "stamp [us]")
+    same("a time with its unit", t, [1, 1.004])
+    z, _, names, _, said = imported("a cut line", write("cut.csv", "t,x\n0,1,\n1,2,\n2"))
+    same("a cut line", z, [[[1], [2]]])
+    check("leaves out the last line, 4, which is cut" in said, f"a cut line: {said}")
+    labview = write("labview.txt", "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\t\nChannels\t2\t\n"
+                    "Y_Unit_Label\tVolts\tVolts\nX_Value\tU0\tU1\tComment\n0,0\t1,5\t2,5\n0,001\t1,6\t2,6\n")
+    z, t, names, _, _ = imported("labview", labview)
+    same("labview", z, [[[1.5, 2.5], [1.6, 2.6]]])
+    check(names == ["U0", "U1"], f"labview: {names}")
+
     # --- several of them, of different lengths; one file with several runs; no times; a folder ---
     (folder / "runs").mkdir()
     for k, (first, rows) in enumerate(((0, 4), (100, 3))):
         write(f"runs/{k}.csv", "t,a,b\n" + "".join(f"{first + 0.1 * i:.1f},{i},{k}\n" for i in range(rows)))
-    z, t, _, _, said = imported("runs", folder / "runs")
+    z, t, _, _, said = imported("runs", folder / "runs", program=True)
+    check("even" in run(train, "inspect", folder / "runs").stdout, "even times of runs of different lengths")
     same("runs", z, [[[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 1], [2, 1], [nan, nan]]])
     check(t.shape == (2, 4) and np.allclose(t[:, :3], [0, 0.1, 0.2], atol=1e-9) and np.isnan(t[1, 3]), f"runs: times {t}")
     check("begins at the time 0" in said, f"runs: {said}")
@@ -148,7 +184,7 @@ def tables():
         refused(repr(text), 5, words, write("bad.csv", text))
     refused("units", 5, "in the same units", write("m.csv", "t,a [m]\n0,1\n1,2\n"), write("mm.csv", "t,a [mm]\n0,1\n1,2\n"))
     refused("a spreadsheet", 5, "save its tables as CSV", write("book.csv", b"PK\x03\x04" + bytes(50)))
-    refused("no file", 4, "cannot be read", folder / "none.csv")
+    refused("no file", 4, "cannot be read", folder / "none.csv", program=True)
     return [german, pandas, spaces, campbell, logger, plain, clock]
 
 
@@ -178,7 +214,7 @@ def matlab():
     write_matlab_73(seven, structs)
     for path in five, seven:
         for words in (path,), (path, "--runs", "rw_data"):
-            z, t, names, _, _ = imported(path.name, *words)
+            z, t, names, _, _ = imported(path.name, *words, program=len(words) > 1)
             check(names == ["u", "xy_1", "xy_2"] and z.shape == (50, 7, 3), f"{path.name}: {names} {z.shape}")
             for k, fields in enumerate(structs):
                 n = 5 + k % 3
@@ -197,6 +233,11 @@ def matlab():
     z, t, names, _, _ = imported("a sampling time", folder / "steps.mat")
     same("a sampling time", t, [0, 0.25, 0.5, 0.75])
     refused("a text", 4, "cannot be read as a MATLAB file", write("wrong.mat", "no MATLAB file"))
+    with h5py.File(folder / "plain.h5", "w") as file:
+        file["time"], file["a/x"], file["a/label"], file["b"] = np.arange(4) / 8, np.arange(4) ** 2, "a text", np.ones((4, 2))
+    z, t, names, _, _ = imported("plain HDF5", folder / "plain.h5")
+    same("plain HDF5", z[0], np.column_stack((np.arange(4) ** 2, np.ones((4, 2)))))
+    check(names == ["x", "b_1", "b_2"], f"plain HDF5: {names}")
     return [five, seven, single]
 
 
@@ -244,7 +285,7 @@ def lcm():
         events += [(start + 10000 * k, "POSE", pose.encode()), (start + 10000 * k + 150, "GRID POWER", power.encode()),
                    (start + 10000 * k + 300, "UNKNOWN", bytes(12))]
     log = lcm_log(LOG, events)
-    z, t, names, _, said = imported("an LCM log", "--log", log, "--types", types)
+    z, t, names, _, said = imported("an LCM log", "--log", log, "--types", types, program=True)
     column = {name: i for i, name in enumerate(names)}
     wanted = [f"POSE.{g}.v_{i}" for g in ("position", "rate") for i in range(3)] + ["POSE.n", "POSE.echo_0", "POSE.echo_1", "POSE.valid"]
     check(set(wanted) <= set(names), f"an LCM log: {names}")
@@ -260,6 +301,12 @@ def lcm():
     refused("no types", 5, "--types", log)
     refused("other types", 5, "no message has a type", log, "--types", write("wrong.lcm", "struct pose_t { int64_t utime; }"))
     refused("no types file", 5, "wrong.lcm:1: expected", log, "--types", write("wrong.lcm", "struct pose_t { int64_t utime }"))
+    run("lcm-gen", "-p", "--ppath", folder / "made", "lcmtypes/portmet.lcm")
+    import portmet
+    known, _ = reader.lcm_log.read_types(["lcmtypes/portmet.lcm"])
+    for name in ("flux", "report", "tick", "ledger"):
+        own = int.from_bytes(getattr(portmet, f"{name}_t")._get_packed_fingerprint(), "big")
+        check(own in known, f"the fingerprint of portmet.{name}_t")
     logged(events, types, poses, wanted)
     return [log], types
 
@@ -330,6 +377,10 @@ def options():
         check(np.allclose(file["z"][0], scaled[:, 1:], rtol=1e-3, atol=1e-3 * np.abs(scaled[:, 1:]).max(0)),
               "evaluate --record: expected the units of the data")
         check(file.attrs["units"].decode().startswith("mm;"), f"evaluate --record: units {file.attrs['units']}")
+    lines = csv.read_text().split("\n")
+    short = write("short.csv", "\n".join(lines[:20]))
+    done = run(train, "evaluate", scene, "--data", csv, short)
+    check(done.returncode == 0 and "Both laws" in done.stdout, f"evaluate, another length: {done.stdout} {done.stderr}")
     done = run(train, "evaluate", scene, "--data", csv, csv, "--json")
     check(done.returncode == 0 and done.stdout.startswith("{"), f"evaluate --json: {done.stdout[:80]} {done.stderr}")
     done = run(train, "inspect", csv, csv)
@@ -360,9 +411,7 @@ def without_packages():
 def damage(texts, binaries, types):
     """Files that are cut, and files with wrong bytes. The readers of texts and logs are called here, without a catch of
     last resort; HDF5 files are left to the program, as damaged ones can end a process."""
-    sys.path.insert(0, str(build / "daemon/python/portmet/tables"))
     import argparse
-    import reader
     import table
     table.say = reader.say = reader.text.say = reader.lcm_log.say = reader.matlab.say = lambda text: None
     how = argparse.Namespace(time=None, dt=None, missing=None, runs=None, types=[str(types)])
@@ -388,9 +437,9 @@ def damage(texts, binaries, types):
     check(read > 20, f"only {read} damaged files were read at all")
     for path in binaries:
         whole = path.read_bytes()
-        for kind in range(3):
-            data = bytearray(whole[:len(whole) // (kind + 2)] if kind < 2 else whole)
-            for _ in range(0 if kind < 2 else 200):
+        for kind in range(2):
+            data = bytearray(whole[:len(whole) // 2] if kind == 0 else whole)
+            for _ in range(200 * kind):
                 data[draw.randrange(len(data))] = draw.randrange(256)
             bad = folder / ("damaged" + path.suffix)
             bad.write_bytes(data)

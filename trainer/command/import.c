@@ -19,7 +19,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
     const pm_option option[] = {
         {"--output", "-o", "FILE", NULL, &output, true, "dataset to write (HDF5)"},
         {"--time", NULL, "NAME", NULL, &how.time, false,
-         "the column with times; default: t or time, in any letters, or time stamps"},
+         "the column with times, also as \"NAME [UNIT]\"; default: t, time or time stamps"},
         {"--dt", NULL, "SECONDS", NULL, &how.dt, false,
          "the time between two rows, where no column has times"},
         {"--missing", NULL, "NUMBERS", NULL, &how.missing, false,
@@ -27,7 +27,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
         {"--runs", NULL, "NAME", NULL, &how.runs, false,
          "the array of structs whose elements are the runs, or the column that numbers them"},
         {"--log", NULL, "FILE", NULL, &log, false, "an LCM log, one more table"},
-        {"--types", NULL, "FILE", NULL, &how.types, false, "the message types of LCM logs (.lcm)"},
+        {"--types", NULL, "FILE", NULL, &how.types, false,
+         "the message types of LCM logs: FILE.lcm, several joined by commas, or a folder"},
     };
     const pm_options options = {
         .usage = "portmet-train import TABLE... -o FILE [options]",

@@ -15,6 +15,7 @@
 // ratio of the standard deviation of a normal distribution to its median absolute value.
 #define FOURTH_DIFFERENCE 8.3666002653407556
 #define NORMAL_MEDIAN 1.4826022185056018
+#define EVEN 1e-3 // of a step: by so much even times may differ
 #define MOST_FILES 10000
 #define GAP 1.5 // a step of time that is so many times the median one is a gap
 
@@ -63,7 +64,7 @@ static void print_facts(const pm_dataset *d, const char *const *unit, const char
     }
     printf("%s: %d trajectories of %.6g to %.6g s, at most %d samples each\n", path, d->ntrajectory,
            shortest, longest, d->ntime);
-    if (d->times == NULL) {
+    if (d->times == NULL || work[steps - 1] - work[0] <= EVEN * median) {
         printf("times: even, %.9g s apart\n", d->dt);
     } else {
         printf("times: uneven, %.4g to %.4g s apart, median %.6g s; %ld steps longer than %.1f "

@@ -11,6 +11,8 @@ RATE_NAMES = ("fs", "samplerate", "sample_rate", "samplingrate", "sampling_rate"
 # --- files become trees: dicts (structs), lists (arrays of structs, cells), arrays of numbers, None (anything else) ---
 
 def _tree_of_scipy(value):
+    if type(value).__name__ in ("MatlabOpaque", "MatlabFunction"):  # tables, objects
+        return None
     if isinstance(value, numpy.ndarray) and value.dtype.names:
         found = [{name: _tree_of_scipy(element[name]) for name in value.dtype.names} for element in value.flat]
         return found[0] if len(found) == 1 else found
@@ -29,7 +31,7 @@ def _tree_of_hdf5(node, file, transpose):
         if fields and len(lengths) == 1 and all(isinstance(field, _References) for field in fields.values()):
             return [{name: field[i] for name, field in fields.items()} for i in range(lengths.pop())]
         return fields
-    if node.dtype == h5py.ref_dtype:
+    if h5py.check_ref_dtype(node.dtype) is h5py.Reference:
         found = _References(_tree_of_hdf5(file[reference], file, transpose) for reference in node[()].flat if reference)
         return found
     if node.attrs.get("MATLAB_class", b"") in (b"char", "char") or node.dtype.kind not in "fiub":

@@ -1,7 +1,9 @@
 """Reads tables of any kind, and joins them to a dataset."""
 import argparse
+import glob
 import os
 import sys
+import warnings
 
 import h5py
 import numpy
@@ -36,7 +38,7 @@ def read(path, how):
         if head.startswith(begin):
             raise Refused(DATA, f"{path}: {why}; save its tables as CSV")
     if head[:4] == lcm_log.SYNC.to_bytes(4, "big"):
-        return lcm_log.read(path, how.types)
+        return lcm_log.read(path, types_of(how.types))
     if head[:4] == b"PAR1":
         return portmet_files.read_parquet(path)
     if h5py.is_hdf5(path):
@@ -63,6 +65,13 @@ def files_of(paths):
             raise Refused(FILE, f"{path}: the folder holds no table (.csv, .tsv, .txt, .dat, .mat, .parquet)")
         result += [os.path.join(path, name) for name in of_type]
     return result
+
+
+def types_of(words):
+    """Returns the files that --types names: FILE, FILE,FILE, or a folder of .lcm files."""
+    names = [name for word in words for name in word.split(",")]
+    return [path for name in names for path in
+            (sorted(glob.glob(os.path.join(glob.escape(name), "*.lcm"))) if os.path.isdir(name) else [name])]
 
 
 def clean(run, how):
@@ -103,16 +112,16 @@ def align(run, first):
             raise Refused(DATA, f'{run.path}: column "{name}" is in "{unit}", expected "{other}", in the same units as in {first.path}')
 
 
-def grid(times):
-    """Returns t [time] and dt if all runs have the same even times, otherwise None and the mean step of the first."""
-    first = times[0]
-    dt = (first[-1] - first[0]) / (len(first) - 1)
-    short = float(f"{dt:.9g}")  # 0.01 instead of 0.010000000000000009
-    for step in (short, dt):
-        even = first[0] + step * numpy.arange(len(first))
-        if all(len(time) == len(first) and (numpy.abs(time - even) <= EVEN * step).all() for time in times):
-            return even, step
-    return None, dt
+def even_times(times):
+    """Returns the times of all runs on even grids, and the step dt, if those of all runs are even with the same step;
+    otherwise the times as they are, and the median step."""
+    longest = max(times, key=len)
+    dt = (longest[-1] - longest[0]) / (len(longest) - 1)
+    for step in (float(f"{dt:.9g}"), dt):  # 0.01 instead of 0.010000000000000009
+        grids = [time[0] + step * numpy.arange(len(time)) for time in times]
+        if all((numpy.abs(time - grid) <= EVEN * step).all() for time, grid in zip(times, grids)):
+            return grids, step
+    return times, float(numpy.median(numpy.concatenate([numpy.diff(time) for time in times])))
 
 
 def join(words):
@@ -153,10 +162,12 @@ def join(words):
 def write(path, runs, times, temporary=False):
     ntime, first = max(map(len, times)), runs[0]
     z = numpy.full((len(runs), ntime, len(first.names)), numpy.nan)
-    t, dt = grid(times)
-    if t is None:
+    grids, dt = even_times(times)
+    if grids is not times and all(numpy.array_equal(grid, grids[0]) for grid in grids):
+        t = grids[0]
+    else:
         t = numpy.full((len(runs), ntime), numpy.nan)
-        for i, time in enumerate(times):
+        for i, time in enumerate(grids):
             t[i, :len(time)] = time
     for i, run in enumerate(runs):
         z[i, :len(run.value)] = run.value
@@ -170,7 +181,7 @@ def write(path, runs, times, temporary=False):
             file["t"].attrs["units"] = file["dt"].attrs["units"] = numpy.bytes_("s")
             file["z"].attrs["description"] = numpy.bytes_("[trajectory][time][column]")
             file.attrs["state_layout"] = numpy.bytes_(layout.encode())
-            file.attrs["units"] = numpy.bytes_(";".join(first.units).encode())
+            file.attrs["units"] = numpy.bytes_(";".join(unit.replace(";", ",") for unit in first.units).encode())
             file.attrs["source"] = numpy.bytes_("portmet-train import")
         os.replace(part, path)
     except OSError as error:
@@ -183,6 +194,7 @@ def write(path, runs, times, temporary=False):
 
 def main(words):
     """Returns the exit code; a failure is one line on standard error."""
+    warnings.simplefilter("ignore")  # standard error has one line, or none
     try:
         join(words)
         return 0

@@ -8,7 +8,9 @@ FILE, DATA = 4, 5  # exit codes: a file cannot be read; its content is wrong
 MOST_COLUMNS = 1000
 TIME_UNITS = {"s": 1, "sec": 1, "ms": 1e-3, "us": 1e-6, "\xb5s": 1e-6, "\u03bcs": 1e-6, "ns": 1e-9, "min": 60,
               "h": 3600, "day": 86400}
-TIME_NAMES = ("t", "time", "timestamp", "time_stamp", "datetime", "date_time", "elapsed", "elapsed_time")
+TIME_NAMES = ("t", "time", "timestamp", "time_stamp", "datetime", "date_time", "elapsed", "elapsed_time", "x_value", "zeit",
+              "temps", "tiempo", "tempo")
+BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$", re.DOTALL)  # a name and a unit
 SUFFIXED = re.compile(r"(?:t|time)_(s|ms|us|ns|min|h)", re.IGNORECASE)
 # Times without a unit that can only be times since 1970, by their size: ns, us, ms.
 SINCE_1970 = ((1e17, 1e-9), (1e14, 1e-6), (1e11, 1e-3))
@@ -100,6 +102,8 @@ def take_times(run, given, dt):
     if dt is not None and given is None:
         run.time = dt * numpy.arange(len(run.value))
         return 0, 0
+    bracket = BRACKETS.fullmatch(given) if given is not None and given not in run.names else None
+    given = bracket[1] if bracket else given
     at = find_time(run, given)
     name, unit, time = run.names[at], run.units[at], run.value[:, at].copy()
     run.keep_columns([i for i in range(len(run.names)) if i != at and run.names[i] not in run.stamps])
@@ -109,7 +113,7 @@ def take_times(run, given, dt):
     if len(time) < 2:
         raise Refused(DATA, f"{run.path}: {len(time)} rows of numbers with a time, expected two or more")
     suffix = SUFFIXED.fullmatch(name)
-    unit = suffix[1].lower() if suffix and not unit else unit
+    unit = bracket[2] if bracket else suffix[1].lower() if suffix and not unit else unit
     if name not in run.stamps:
         if unit and unit not in TIME_UNITS:
             raise Refused(DATA, f'{run.path}: column "{name}": "{unit[:40]}" is no unit of time, such as s or ms')

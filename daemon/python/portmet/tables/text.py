@@ -11,7 +11,7 @@ import re
 import numpy
 
 import stamps
-from table import DATA, FILE, Refused, Run, is_time_name, say
+from table import BRACKETS, DATA, FILE, Refused, Run, is_time_name, say
 
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
 MISSING = ("nan", "-nan", "+nan", "na", "n/a", "#n/a", "n.a.", "null", "none", "nil", "-", "--", "---", "?", "*", "1.#qnan",
@@ -21,7 +21,6 @@ TOKENS = "|".join(re.escape(word) for word in sorted(MISSING, key=len, reverse=T
 SEPARATORS = (",", ";", "\t", "|", None)  # None: blanks
 LOOKED_AT = 400  # lines at the beginning, and spread over the rest, by which the reader decides
 COMMENTS = ("#", "%", "//", "!")
-BRACKETS = re.compile(r"(.*?)\s*[\[(]\s*([^\])]*?)\s*[\])]\s*$", re.DOTALL)
 NUMBERS, STAMPS, DATES, CLOCKS, WORDS, EMPTY = "numbers", "stamps", "dates", "clocks", "words", "empty"
 
 
@@ -92,7 +91,8 @@ class Shape:
                 width, lines = count.most_common(1)[0]
                 alike = [kind for kind in kinds if len(kind) == width and set(kind) - {WORDS, EMPTY}]
                 valued = sum(kind != WORDS for row in alike for kind in row) / (width * len(alike))
-                score = (round(valued * lines / len(sample), 3), width)
+                # One column whose numbers hold commas may well be two.
+                score = (round((0.5 if width == 1 else 1) * valued * lines / len(sample), 3), width)
                 if score > best:
                     best, self.separator, self.decimal, self.width = score, separator, decimal, width
                     self.kinds = [self._vote([row[i] for row in alike]) for i in range(width)]
@@ -151,15 +151,16 @@ def find_header(path, shape, lines):
     if not candidate:
         return None, None, begin
     times = [i for i, row in enumerate(candidate) if any(is_time_name(name_and_unit(place)[0]) for place in row)]
-    at = times[-1] if times else 0
+    distinct = [i for i, row in enumerate(candidate) if len({place for place in row if place}) == sum(map(bool, row))]
+    at = (times or distinct[:1] or [0])[-1]
     fields = [name_and_unit(place) for place in candidate[at]]
     names, units = [name for name, _ in fields], [unit for _, unit in fields]
     if len(names) == shape.width - 1 and shape.kinds[-1] != EMPTY:  # R does not name the column of row names
         names, units = [""] + names, [""] + units
-    names = (names + [""])[:shape.width] if len(names) <= shape.width or not names[-1] else names
+    if len(names) > shape.width and names[-1]:
+        say(f'{path}: leaves out the name "{names[-1]}", below which there is nothing')
+    names = (names + [""])[:shape.width]
     units = (units + [""])[:shape.width]
-    if len(names) != shape.width:
-        raise Refused(DATA, f"{path}: the line of names has {len(names)} columns, the table {shape.width}")
     if at + 1 < len(candidate):  # a line of units
         for i, unit in enumerate(candidate[at + 1][:shape.width]):
             units[i] = units[i] or unit.strip("[]()").strip()
@@ -198,7 +199,7 @@ def read(path):
     body = content[begin:]
     if names is None:
         names, units = names_of_comment(path, shape, lines, body[0][0])
-    body = drop_end(path, shape, body, complete or lines[-1] is not body[-1])
+    body = drop_end(path, shape, body, complete or lines[-1] != body[-1])
     values = numbers(path, shape, names, body)
     line = [k for k, _ in body]
     run = Run(path, names, values, units, line)
