@@ -24,6 +24,8 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+import narx
 ROOT = HERE.parents[2]
 VERDICT = re.compile(r"Verdict: (\w+)")
 COLUMNS = ["seed", "number", "kind", "form", "variables", "parts", "inputs", "hidden", "growth", "error", "worst", "worst_group",
@@ -129,26 +131,32 @@ def score_complete(folder, record):
 # One system -----------------------------------------------------------------------------------------------------------
 
 
-def complete(train, folder, budget, seed):
+def fit(train, folder, training, weights, options, budget, log, out):
+    """Fits within what the proposal left of the budget; notes how it ended and what it said."""
+    code, used, stopped = run([train, "fit", training, "-o", weights, *options], log, max(budget - out["cpu"], 1.0), folder)
+    out["cpu"] += used
+    out["ended"] = "stopped" if stopped else str(code)
+    verdicts = VERDICT.findall(log.read_text())
+    out["verdict"] = verdicts[-1] if verdicts else "none"
+    if code not in (0, 12, 13):
+        out["problem"] = last_line(log)
+
+
+def complete(train, folder, budget, black_box):
     """Proposal, fit, black box of equal time: figures of one system."""
     out, log = {}, folder / "log"
     log.unlink(missing_ok=True)
-    options = ["--budget", f"{budget / 2:g}s"] if trainer_takes(train, "propose", "--budget") else []
+    options = ["--budget", f"{budget / 2:g}"] if trainer_takes(train, "propose", "--budget") else []
     out["cpu"] = 0.0
     code, used, stopped = run([train, "propose", "scene.yaml", "--data", "train.h5", "-o", "training.yaml"] + options, log, budget, folder)
     out["cpu"] += used
     if code:
         out["problem"] = last_line(log)
     else:
-        fit = [train, "fit", "training.yaml", "--data", "train.h5", "-o", "weights"]
-        code, used, stopped = run(fit, log, max(budget - out["cpu"], 1.0), folder)
-        out["cpu"] += used
-        out["ended"] = "stopped" if stopped else str(code)
-        verdicts = VERDICT.findall(log.read_text())
-        out["verdict"] = verdicts[-1] if verdicts else "none"
-        if code not in (0, 12, 13):
-            out["problem"] = last_line(log)
+        fit(train, folder, "training.yaml", "weights", ["--data", "train.h5"], budget, log, out)
         evaluate(train, folder, "scene.yaml", "weights", "predicted.h5", log, out, "")
+    if not black_box:
+        return out
     if (folder / "black_box").exists():
         shutil.rmtree(folder / "black_box")
     (folder / "black_box").mkdir()
@@ -211,7 +219,7 @@ def one(a, number):
                 raise RuntimeError(last_line(folder / "make.log"))
         report = json.loads(report_file.read_text())
         row.update({k: report[k] for k in ("kind", "variables", "parts", "inputs", "hidden", "growth")})
-        row.update((complete if a.form == "complete" else logger)(a.train, folder, a.budget, a.seed))
+        row.update((complete if a.form == "complete" else logger)(a.train, folder, a.budget, not a.no_black_box))
         row["wrong"] = int(is_wrong(row))
     except Exception as problem:  # one system does not end the others
         row["problem"] = f"{type(problem).__name__}: {problem}"[:160]
@@ -219,8 +227,56 @@ def one(a, number):
     return row
 
 
-def logger(train, folder, budget, seed):
-    raise NotImplementedError("the logger's form waits for propose --data TABLE")
+def read_tables(folder, pattern):
+    """(names, values [run][time][column]) of CSV files with `t` first."""
+    files = sorted(folder.glob(pattern))
+    names = [x.split(" [")[0] for x in files[0].read_text().splitlines()[0].split(",")]
+    return names[1:], np.array([np.loadtxt(f, delimiter=",", skiprows=1, ndmin=2) for f in files])
+
+
+def logger(train, folder, budget, black_box):
+    """Tables, proposal, fit, free runs on the test tables; a NARX model beside."""
+    import h5py
+    out, log = {"cpu": 0.0}, folder / "log"
+    log.unlink(missing_ok=True)
+    arguments = (folder / "arguments").read_text().split("\n")[:-1]
+    names, values = read_tables(folder, "test_*.csv")
+    inputs = json.loads((folder / "report.json").read_text())["input_names"]
+    outputs = [k + 1 for k, name in enumerate(names) if name not in inputs]
+    first = max(2, values.shape[1] // 10)  # samples that tell the start of a free run
+    if black_box:
+        began = time.process_time()
+        _, past = read_tables(folder, "train_*.csv")
+        held = [k + 1 for k, name in enumerate(names) if name in inputs]
+        found = narx.predict(past[:, :, outputs], past[:, :, held], values[:, :, outputs], values[:, :, held], first)
+        groups, median = errors_of(found[:, first:], values[:, first:, outputs], {names[k - 1]: [i] for i, k in enumerate(outputs)})
+        out.update(black_box=median, black_box_worst=max(groups.values()), black_box_cpu=time.process_time() - began)
+    for part in "train", "test":
+        code, _, _ = run([train, "import", *sorted(folder.glob(part + "_*.csv")), "-o", part + ".h5"], log, 60.0, folder)
+        if code:
+            return out | {"problem": last_line(log), "error": np.inf}
+    options = ["--budget", f"{budget / 2:g}"] if trainer_takes(train, "propose", "--budget") else []
+    code, used, _ = run([train, "propose", "--data", "train.h5", *arguments, "-o", "model", *options], log, budget, folder)
+    out["cpu"] += used
+    if code:
+        return out | {"problem": last_line(log), "error": np.inf}
+    fit(train, folder, "model/training.yaml", "model/weights", [], budget, log, out)
+    record = folder / "predicted.h5"
+    record.unlink(missing_ok=True)
+    seconds = values[0, first - 1, 0] - values[0, 0, 0]
+    run([train, "evaluate", "model/scene.yaml", "--weights", "model/weights", "--data", "test.h5", "--estimate", f"{seconds:.9g}",
+         "--record", record], log, 60.0, folder)
+    if not record.exists():
+        return out | {"problem": last_line(log), "error": np.inf}
+    with h5py.File(record) as file:
+        layout, y = words(file.attrs["columns"]).split(), file["y"][:]
+    predicted = np.full(values.shape, np.nan)
+    for k in outputs:
+        if names[k - 1] in layout:
+            predicted[: len(y), : y.shape[1], k] = y[:, : values.shape[1], layout.index(names[k - 1])]
+    groups, median = errors_of(predicted[:, first:], values[:, first:], {names[k - 1]: [k] for k in outputs})
+    worst = max(groups, key=groups.get)
+    return out | {"error": median, "worst": groups[worst], "worst_group": worst}
 
 
 # Reports --------------------------------------------------------------------------------------------------------------
@@ -263,8 +319,33 @@ def save(rows, folder):
         out = csv.DictWriter(file, COLUMNS, extrasaction="ignore", restval="")
         out.writeheader()
         out.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows)
-    if shutil.which("gnuplot"):
-        subprocess.run(["gnuplot", "-e", f"table='{folder / 'systems.csv'}'", "-e", f"picture='{folder / 'systems.png'}'", HERE / "systems.gp"], check=False)
+    draw(rows, folder / "systems.png")
+
+
+PICTURE = """set terminal pngcairo size 900,500 font "sans,11"
+set output "{path}"
+set key left top
+set logscale x
+set xrange [1e-4:1e3]
+set yrange [0:100]
+set grid
+set xlabel "error of a system, % of the deviation"
+set ylabel "share of systems below, %"
+plot {curves}
+"""
+
+
+def draw(rows, path):
+    """The share of systems whose error is below a value."""
+    curves, data = [], []
+    for key, title in (("error", "proposal and fit"), ("worst", "proposal and fit, worst group"), ("black_box", "black box")):
+        found = sorted(row[key] for row in rows if np.isfinite(row.get(key, np.inf)))
+        if found:
+            curves.append(f'"-" using 1:2 with steps lw 2 title "{title}"')
+            data += [f"{x:.6g} {100 * (k + 1) / len(rows):.6g}" for k, x in enumerate(found)] + [f"1e4 {100 * len(found) / len(rows):.6g}", "e"]
+    if curves and shutil.which("gnuplot"):
+        text = PICTURE.format(path=path, curves=", ".join(curves)) + "\n".join(data) + "\n"
+        subprocess.run(["gnuplot"], input=text, text=True, check=False)
 
 
 def main():
@@ -275,6 +356,7 @@ def main():
     p.add_argument("--kind")
     p.add_argument("--form", choices=["complete", "logger"], default="complete")
     p.add_argument("--budget", type=float, default=60.0, help="seconds of CPU for propose and fit together")
+    p.add_argument("--no-black-box", action="store_true", help="saves half of the time")
     p.add_argument("--jobs", type=int, default=1)
     p.add_argument("--ntrain", type=int, default=40)
     p.add_argument("--ntest", type=int, default=10)

@@ -110,6 +110,8 @@ class Builder:
         self.sinks = {}  # part: entropy
         self.begin = []  # functions (rng, count, z)
         self.thermometers = self.draw.chance(0.5)
+        self.shown = {}  # what a logger shows of each domain: one unit for all
+        self.celsius = self.draw.chance(0.5)
 
     def scales(self, *domains):
         """Draws the energy and the time of the system, and the flow of each domain."""
@@ -146,16 +148,20 @@ class Builder:
         e0 = self.E0 / (self.tau * f0)
         return f0 * self.tau, e0 * self.tau, f0, e0
 
+    def sensor(self, domain, role):
+        """A sensor of the flow or the effort of a domain, in a unit that suits its size."""
+        _, _, f0, e0 = self.sizes(domain)
+        shown, size = (DOMAINS[domain][3], f0) if role == "p" else (DOMAINS[domain][4], e0)
+        if (domain, role) not in self.shown:
+            fitting = [x for x in shown if 0.05 < size / x[2] < 2000] or shown[:1]
+            self.shown[domain, role] = self.draw.one(fitting)
+        name, unit, si = self.shown[domain, role]
+        return Sensor(name, unit, True, 1 / si)
+
     def x(self, part, group, domain, shapes=None, amplitude=None, energy=True):
         """A spring, a capacitor, a vessel."""
         size = self.sizes(domain)[0]
-        shown = DOMAINS[domain][4]
-        sensor = None
-        if shown is None:
-            sensor = Sensor(group, DOMAINS[domain][0], False)
-        else:
-            name, unit, si = self.draw.one(shown)
-            sensor = Sensor(name, unit, True, 1 / si)
+        sensor = self.sensor(domain, "x") if DOMAINS[domain][4] else Sensor(group, DOMAINS[domain][0], False)
         i = self.add(part, group, DOMAINS[domain][0], size, sensor, amplitude)
         self.stores[i] = (domain, "x")
         if energy:
@@ -165,8 +171,7 @@ class Builder:
     def p(self, part, group, domain, shapes=None, amplitude=None, energy=True):
         """A mass, a coil, a column of fluid."""
         size = self.sizes(domain)[1]
-        name, unit, si = self.draw.one(DOMAINS[domain][3])
-        i = self.add(part, group, DOMAINS[domain][1], size, Sensor(name, unit, True, 1 / si), amplitude)
+        i = self.add(part, group, DOMAINS[domain][1], size, self.sensor(domain, "p"), amplitude)
         self.stores[i] = (domain, "p")
         if energy:
             shapes = shapes or (("square", "square", "hard", "cosh") if domain == "electric" else ("square",))
@@ -203,8 +208,7 @@ class Builder:
         else:
             s.energies.append(([i], law.energy))
         if sensed:
-            s.variables[i].sensor = Sensor("T", "degC" if d.chance(0.5) else "K", True)
-            s.variables[i].sensor.offset = -273.15 if s.variables[i].sensor.unit == "degC" else 0.0
+            s.variables[i].sensor = Sensor("T", "degC" if self.celsius else "K", True, 1.0, -273.15 if self.celsius else 0.0)
         self.sinks.setdefault(part, i)
         return i
 
@@ -244,13 +248,12 @@ class Builder:
             if self.draw.chance(chance):
                 self.conduct(a, b)
 
-    def give(self, title, fine=None):
+    def give(self, title):
         """The finished system: names of columns, times, starts."""
         d, s = self.draw, self.system
         s.title = title
-        s.dt = self.tau * d.uniform(0.15, 0.35) * (fine or 1.0)
-        digits = 2
-        s.dt = float(f"{s.dt:.{digits - 1}e}")
+        s.dt = self.tau * d.uniform(0.08, 0.25)
+        s.dt = float(f"{s.dt:.1e}")
         s.nstate = d.whole(120, 260)
         begin = self.begin
 

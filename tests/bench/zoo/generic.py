@@ -12,7 +12,7 @@ from scipy.integrate import DOP853
 
 STEP = 1e-30  # of the complex step: far below rounding
 CONVERGED = 3e-11  # the error of one interval between samples, in deviations, as halving the step shows it
-COARSE = 1e-7  # the same for the steps of rk4 that an engineer would take
+COARSE = 1e-6  # the same for the steps of rk4 that an engineer would take
 GROWTH = 300.0  # a typical small difference of starts may grow by this factor: beyond, nothing could be predicted
 DRIFT = 1e-8  # of the energy, relative to the energy that moves
 

@@ -25,7 +25,7 @@ NTRAIN, NTEST = 40, 10
 NOISE = 0.005
 ATTEMPTS = 60
 EFFORT = {"translation": ("F", "N"), "rotation": ("M", "N m"), "electric": ("U", "V"), "hydraulic": ("dP", "Pa")}
-FLOW = {"electric": ("I", "A"), "hydraulic": ("Qin", "m^3/s")}
+FLOW = {"electric": ("Is", "A"), "hydraulic": ("Qin", "m^3/s")}
 OUTER = {"kg m/s": "m", "kg m^2/s": "rad", "Wb": "C", "Pa s": "m^3", "C": "Wb", "m^3": "Pa s"}  # conjugate variables
 
 
@@ -43,7 +43,7 @@ def add_inputs(b, logger):
             if s.variables[i].sensor is None and logger:
                 continue
             rate = law.capacity / b.tau
-            places.append(Input("Tout", "degC" if logger and d.chance(0.5) else "K", 1.0, "bath", i, rate / d.log(3, 30), d.uniform(285, 305), 8.0))
+            places.append(Input("Tout", "degC" if logger and b.celsius else "K", 1.0, "bath", i, rate / d.log(3, 30), d.uniform(285, 305), 8.0))
             if logger:
                 places.append(Input("P", "W", 1.0, "power", i, 1.0, rate * d.uniform(0.2, 0.6), rate * d.uniform(0.2, 0.6)))
         places = [x for x in places if x.into not in [y.into for y in s.inputs] and x.name not in [y.name for y in s.inputs]]
@@ -122,6 +122,7 @@ def trajectories(s, rng, form, ntrain, ntest):
     inputs = np.array([u(i, i * s.dt) for i in range(s.nstate)]) if s.inputs else np.zeros((s.nstate, 0, count))
     s.substeps = s.user_substeps(states[:, :, :12], lambda i, t: u(i, t)[:, :12] if s.inputs else ())
     report = {"growth": growth, "drift": float(drift), "fall": float(fall)}
+    report["temperatures"] = [float(temperatures.min()), float(temperatures.max())] if temperatures.size else []
     return states, inputs, report
 
 
@@ -175,6 +176,19 @@ def ports_of(s, rng):
         for part in ends:
             port[part] = [g for g in parts[part] if g in port[part] or generous]
     return exposed
+
+
+def structure_of(s):
+    """What the system consists of, in words, for whoever asks why a fit failed."""
+    name = [v.column for v in s.variables]
+    lines = ["energy of " + ", ".join(name[i] for i in index) for index, _ in s.energies]
+    lines += [f"{name[i]}' = c dE/d{name[j]}, {name[j]}' = -c dE/d{name[i]}, c "
+              + (f"depends on {', '.join(name[k] for k in reads)}" if callable(c) else f"= {c:.4g}") for i, j, c, reads in s.pairs]
+    for e in s.frictions:
+        along = " + ".join(f"({c:.3g}) dE/d{name[i]}" if not callable(c) else f"c(z) dE/d{name[i]}" for i, c in e.along)
+        lines.append(f"loss along {along}, heats {', '.join(f'{name[k]} ({w:.2g})' for k, w in e.sinks)}")
+    lines += [f"conduction between {name[e.a]} and {name[e.b]}" for e in s.conductions]
+    return lines + [f"input {e.name} [{e.unit}]: {e.kind} into {name[e.into]}" for e in s.inputs]
 
 
 def write_scene(s, rng, path):
@@ -272,7 +286,7 @@ def write_logger(s, states, inputs, seed, number, path, ntrain):
         seen = values[:, :, k] + (NOISE * spread * rng.normal(size=values.shape[:2]) if k < ntrain else 0.0)
         table = np.column_stack([s.dt * np.arange(s.nstate), seen, shown[:, :, k]])
         name = f"train_{k:02d}.csv" if k < ntrain else f"test_{k - ntrain:02d}.csv"
-        np.savetxt(path / name, table, fmt="%.9g" if k >= ntrain else "%.7g", delimiter=",", header=header, comments="")
+        np.savetxt(path / name, table, fmt="%.9g", delimiter=",", header=header, comments="")
     arguments = ["--inputs", ",".join(e.name for e in s.inputs)] if s.inputs else []
     own = list(dict.fromkeys(parts))
     if len(own) > 1:
@@ -290,9 +304,10 @@ def make(seed, number, form, folder, kind=None, ntrain=NTRAIN, ntest=NTEST, nsta
     folder.mkdir(parents=True, exist_ok=True)
     (write_complete if form == "complete" else write_logger)(s, states, inputs, seed, number, folder, ntrain)
     report |= {"kind": s.kind, "title": s.title, "variables": len(s.variables), "parts": len(parts_of(s)), "inputs": len(s.inputs),
-               "baths": sum(e.kind == "bath" for e in s.inputs),
+               "input_names": [e.name for e in s.inputs], "baths": sum(e.kind == "bath" for e in s.inputs),
                "hidden": sum(v.sensor is None and i not in s.bodies for i, v in enumerate(s.variables)) if form == "logger" else 0,
-               "dt": s.dt, "states": s.nstate, "substeps": s.substeps, "refused": refused}
+               "dt": s.dt, "states": s.nstate, "substeps": s.substeps, "refused": refused,
+               "structure": structure_of(s)}
     production = s.production(states)[ntrain:] if s.bodies else np.zeros(ntest)
     dE = np.array([s.gradient(z[: len(s.variables)])[0] for z in states[:, :, ntrain:]])
     np.savez(folder / "truth.npz", production=production, temperature=dE[:, sorted(s.bodies)])
