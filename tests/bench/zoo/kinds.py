@@ -103,12 +103,13 @@ def network(b, domains, n, title):
 
     vectors = d.chance(0.5)
     convex = ("square", "hard", "soft", "skew", "exp", "gas")
-    node(domains[0], d.one("px"), None)
+    node(domains[0], "p" if left else d.one("px"), None)
     while len(nodes) < n or left:
         parent = d.one([x for x in nodes if x[4] < 3])
         if left and parent[2] == "p" and (d.chance(0.5) or len(nodes) >= n - 1):
-            domain, role = left.pop(0), d.one("px")
-            child = node(domain, role, None if d.chance(0.85) else parent[3])
+            # A coil drives a mass or a rotor (a motor); these drive a spring or a vessel (a pinion, a piston, a pump).
+            domain = left.pop(0)
+            child = node(domain, "p" if parent[1] == "electric" else "x", None if d.chance(0.85) else parent[3])
         else:
             mechanical = parent[1] in ("translation", "rotation")
             if mechanical and parent[2] == "x" and parent[4] >= 2:
