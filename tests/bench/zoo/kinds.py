@@ -579,7 +579,7 @@ def thermoelectric(b):
     b.scales("electric")
     b.thermometers = True
     hot, cold = numbered(b, ["block", "junction", "plate"], 2)
-    coil, (gq, gphi) = d.one(("coil", "loop", hot)), d.one(GROUPS["electric"])
+    coil, (gq, gphi) = hot, d.one(GROUPS["electric"])  # entropy passes between two ends of a port, not of two ports
     phi = b.p(coil, gphi, "electric")
     if d.chance(0.7):
         b.pair(phi, b.x(d.one(("capacitor", coil)), gq, "electric"))

@@ -161,11 +161,9 @@ def ports_of(s, rng):
     order = list(parts_of(s)).index
     for index, _ in s.energies:
         assert len({v[i].part for i in index}) == 1, (s.kind, "an energy of two parts")
-    carried = {}  # entropies that one current moves belong to one coupling
     for i, j, _, reads in s.pairs:
-        if j in s.bodies:
-            carried.setdefault(i, []).append(j)
-        touch([i, j], reads)
+        # The entropies that one current carries stand in one port.
+        touch([i, j] + [to for k, to, _, _ in s.pairs if k == i and j in s.bodies and to in s.bodies], reads)
     for e in s.frictions:
         touch([i for i, _ in e.along] + [i for i, _ in e.sinks], e.reads)
     for e in s.conductions:
