@@ -43,8 +43,12 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
         return pm_fail(PM_EUSAGE, "%s: %s needs a value (%s)", argv[0], argument, option->value);
     }
     const char *value = glued != NULL ? glued : argv[++*i];
-    pm_words *words = options->words;
-    if (options->several == NULL || strcmp(option->name, options->several) != 0) {
+    const bool several = options->several != NULL && strcmp(option->name, options->several) == 0;
+    pm_words *words = several ? options->words : NULL;
+    for (const struct pm_several *o = options->others; o != NULL && o->name != NULL; ++o) {
+        words = strcmp(option->name, o->name) == 0 ? o->words : words;
+    }
+    if (words == NULL) {
         *option->text = value;
         return PM_OK;
     }

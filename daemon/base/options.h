@@ -41,6 +41,11 @@ typedef struct pm_options {
     // positional arguments are missing in the end, the last values are taken for them.
     const char *several;
     pm_words *words;
+    // Further such options, whose last one has no name, or NULL. Their values are never arguments.
+    const struct pm_several {
+        const char *name;
+        pm_words *words;
+    } * others;
 } pm_options;
 
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to

@@ -8,46 +8,83 @@
 #include "base/options.h"
 #include "base/path.h"
 #include "command/tables.h"
+#include "propose/logger.h"
 #include "propose/propose.h"
 
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;                                                  // nothing here takes long
     static const char *const forms[] = {"hard", "soft", "free"}; // in the order of pm_form
     const char *scene = NULL, *first = NULL, *output = NULL, *text = forms[PM_HARD];
+    const char *inputs = NULL, *hidden = NULL, *seed = NULL, *first_part = NULL, *first_port = NULL;
+    pm_words part = {0}, port = {0};
+    int64_t number = 1;
     bool helped = false;
     pm_words given = {0};
     const pm_option table[] = {
         {"--data", "-d", "FILE...", NULL, &first, true,
          "dataset to examine, or tables (see import --help)"},
-        {"--output", "-o", "FILE", NULL, &output, true, "training file to write (YAML)"},
+        {"--output", "-o", "FILE", NULL, &output, true,
+         "training file to write (YAML); without SCENE a folder"},
         {"--form", NULL, "FORM", NULL, &text, false,
          "hard (both laws hold; the default), soft, or free (a black box)"},
+        {"--inputs", NULL, "A,B", NULL, &inputs, false,
+         "without SCENE: the columns that are inputs; default: staircases"},
+        {"--part", NULL, "NAME=A,B", NULL, &first_part, false,
+         "without SCENE: a subsystem and its columns; may be repeated; default: one subsystem"},
+        {"--port", NULL, "PART,PART", NULL, &first_port, false,
+         "without SCENE: parts that are joined; default: those that move each other"},
+        {"--seed", NULL, "N", NULL, &seed, false,
+         "without SCENE: of the training file; default: 1"},
+        {"--hidden", NULL, "N", NULL, &hidden, false,
+         "without SCENE: 0 if no velocity is missing; default: those of positions"},
     };
+    const struct pm_several others[] = {{"--part", &part}, {"--port", &port}, {NULL, NULL}};
     const pm_options options = {
-        .usage = "portmet-train propose SCENE --data FILE... -o TRAINING [--form FORM]",
+        .usage = "portmet-train propose [SCENE] --data FILE... -o TRAINING|DIR [options]",
         .summary =
             "Writes a training file for the subsystems and ports of SCENE that need weights, with\n"
             "comments that give reasons: units (two variables whose product is J s are conjugate,\n"
             "J/K is an entropy), ports, and statistics of the data (which rates follow which\n"
             "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
             "For the form free a scene with a single subsystem is written beside it. Tables are\n"
-            "turned into a dataset beside it, whose name ends in _data.h5.",
+            "turned into a dataset beside it, whose name ends in _data.h5.\n\n"
+            "Without SCENE the columns are what sensors show: velocities, temperatures, currents,\n"
+            "and inputs. DIR/scene.yaml, DIR/training.yaml and DIR/data.h5 are written.",
         .positional_name = "SCENE",
         .positional = &scene,
+        .least = -1,
+        .most = 1,
         .count = sizeof table / sizeof *table,
         .option = table,
         .several = "--data",
         .words = &given,
+        .others = others,
     };
     char keep[PATH_MAX];
     pm_data_file data = {0};
     int form = PM_HARD;
     pm_status status;
     PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY_DONE(pm_options_output("--output", output));
     if (helped) {
         goto done;
     }
+    if (scene == NULL) {
+        PM_TRY_DONE(seed == NULL ? PM_OK : pm_options_count("--seed", seed, INT32_MAX, &number));
+        const pm_logger_hints hints = {.seed = (int)number,
+                                       .inputs = inputs,
+                                       .npart = part.count,
+                                       .part = part.word,
+                                       .nport = port.count,
+                                       .port = port.word,
+                                       .hidden =
+                                           hidden == NULL ? -1 : (int)strtol(hidden, NULL, 10)};
+        PM_TRY_DONE(pm_options_folder(output));
+        snprintf(keep, sizeof keep, "%s/data.h5", output);
+        PM_TRY_DONE(pm_data_open(&data, &given, keep, false));
+        status = pm_propose_logger(data.path, &hints, output);
+        goto done;
+    }
+    PM_TRY_DONE(pm_options_output("--output", output));
     while (form <= PM_FREE && strcmp(text, forms[form]) != 0) {
         ++form;
     }
@@ -61,5 +98,7 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
 done:
     pm_data_close(&data);
     free(given.word);
+    free(part.word);
+    free(port.word);
     return status;
 }

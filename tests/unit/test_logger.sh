@@ -1,0 +1,71 @@
+#!/bin/sh
+# test_logger.sh PORTMET_TRAIN PORTMETD: from a logger's tables to weights that are served, without a scene: what
+# columns are follows from units and data, and the laws from a fit.
+. "$(dirname "$0")/../support/setting.sh"
+train=$1 portmetd=$2 program=$1
+
+# A motor with a fan: voltage that is held for 10 samples, current, speed.
+for i in 1 2 3 4 5 6 7 8; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); i = 0; w = 50 + 30*rand(); print "t [s],i [A],w [rad/s],u [V]"
+        for (k = 0; k < 150; k++) {
+            if (k % 10 == 0) u = int(24*rand())
+            printf "%.3f,%.12g,%.12g,%g\n", 0.002*k, i, w, u
+            for (j = 0; j < 100; j++) {
+                h = 0.00002; a = (u - 1.2*i - 0.08*w)/0.004; b = (0.08*i - 1e-4*w - 2e-6*w*w)/8e-5
+                im = i + h/2*a; wm = w + h/2*b
+                a = (u - 1.2*im - 0.08*wm)/0.004; b = (0.08*im - 1e-4*wm - 2e-6*wm*wm)/8e-5
+                i += h*a; w += h*b
+            }
+        }
+    }' >"$folder/motor_$i.csv"
+done
+succeed "u [V]: an input; drives i; held between samples" propose --data "$folder"/motor_?.csv -o "$folder/motor"
+grep -q "i: {unit: \"A\", coenergy: true" "$folder/motor/scene.yaml" || fail "propose: a current is a co-energy"
+succeed "Verdict: good" fit "$folder/motor/training.yaml" -o "$folder/motor/weights"
+error=$(awk '$1 == "system" && $2 == "w" { print $8 }' "$folder/out")
+[ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.1) }')" = 1 ] || fail "fit: expected errors below 0.1 %, found $error"
+succeed "steps in violation                    0 of" evaluate "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --data "$folder"/motor_5.csv
+program=$portmetd
+succeed "system_u" run "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --in-process
+program=$train
+
+# A pendulum of which only the angle is known, with noise: its velocity is found, and scales that nothing shows are 1.
+for i in 1 2 3 4; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 0.5 + rand(); print "t [s],angle [rad]"
+        for (k = 0; k < 200; k++) {
+            printf "%.3f,%.5f\n", 0.03*k, q + 0.003*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand())
+            for (j = 0; j < 60; j++) { v += 0.0005*(-9*sin(q) - 0.2*v); q += 0.0005*v }
+        }
+    }' >"$folder/swing_$i.csv"
+done
+succeed "angle [rad]: a position, whose rate is angle_rate, which nobody measures; noise" propose --data "$folder"/swing_?.csv -o "$folder/swing"
+grep -q "angle_rate \[rad/s\]: a co-energy; nothing shows its scale, which is 1" "$folder/out" || fail "propose: no scale is known"
+grep -q "^noise: estimated" "$folder/swing/training.yaml" || fail "propose: the angle has noise"
+succeed "angle: residual 0.00" fit "$folder/swing/training.yaml" -o "$folder/swing/weights"
+grep -qE "system.cos1_angle = -(8.[89]|9.[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
+
+# Two tanks in two parts: what leaves the upper one falls into the lower one. Units are converted.
+for i in 1 2 3 4; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); a = 30 + 20*rand(); b = 20 + 20*rand(); print "t [min],h1 [cm],h2 [cm],Q [L/min]"
+        for (k = 0; k < 120; k++) {
+            if (k % 12 == 0) Q = int(20*rand())
+            printf "%.3f,%.5f,%.5f,%g\n", 0.1*k, a, b, Q
+            for (j = 0; j < 60; j++) {
+                out = 1.5*sqrt(a); a += 0.1/60*(Q - out)*1000/200; b += 0.1/60*(out - 1.6*sqrt(b))*1000/250
+            }
+        }
+    }' >"$folder/tanks_$i.csv"
+done
+succeed "h1 [m]: a level" propose --data "$folder"/tanks_?.csv --inputs Q --part upper=h1 --part lower=h2 -o "$folder/tanks"
+grep -q "between: \[upper, lower\]" "$folder/tanks/scene.yaml" || fail "propose: expected a port between the tanks"
+succeed "h1: residual" fit "$folder/tanks/training.yaml" -o "$folder/tanks/weights"
+succeed "Starts estimated" evaluate "$folder/tanks/scene.yaml" --weights "$folder/tanks/weights" --data "$folder/tanks_4.csv"
+awk '$1 == "h1" || $1 == "h2" { n += $2 < 1 } END { exit n != 2 }' "$folder/out" || fail "evaluate: expected errors below 1 %"
+expect 2 'the tables have no column "z"' propose --data "$folder"/motor_?.csv --part a=i --part b=w,z -o "$folder/x"
+
+# Mistakes are told.
+expect 2 'the tables have no column "x"' propose --data "$folder/motor/data.h5" --inputs u,x -o "$folder/x"
+finish

@@ -1,0 +1,593 @@
+// The text of a scene and of a training file for a logger's columns.
+#include "propose/logger_draft.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "propose/logger_laws.h"
+
+#define FINE 0.15        // substep times the fastest linear rate, where steps are fitted
+#define COARSE 0.5       // likewise for noisy data
+#define LEAST_START 1e-9 // deviation of a hidden start
+#define MOST_SUBSTEPS 32
+#define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
+#define ITERATIONS 400
+#define ESTIMATED_PART 0.05 // of a trajectory: from it follows its start
+#define FEWEST_SAMPLES 20   // likewise
+#define BATCH 4096
+#define EMPTY 1e-3 // of the highest level: below it a vessel is empty
+
+// --- which columns ---
+
+// Returns true if the part needs a port to the surroundings: it has what loses energy, and they
+// take up the heat.
+static bool loses(const pm_logger_view *v, int part) {
+    bool some =
+        pm_logger_count(v, part, PM_LOGGER_FLOW) + pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0;
+    for (int c = 0; c < v->nvariable; ++c) {
+        some = some || (v->column[c].part == part && v->leaks[c]);
+    }
+    return some;
+}
+
+static bool acts_on(const pm_logger_view *v, int input, int part) {
+    bool acts = false;
+    for (int a = 0; a < v->naction; ++a) {
+        acts = acts || (v->action[a].input == input && v->column[v->action[a].target].part == part);
+    }
+    return acts;
+}
+
+// The levels of a part exchange fluid if there are several; it then falls from one to the next.
+static bool falls(const pm_logger_view *v, int part) {
+    return pm_logger_count(v, part, PM_LOGGER_LEVEL) > 1;
+}
+
+// Returns true if the input has one of two effects on this part, or on any part if it is -1.
+static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_effect one,
+                       pm_logger_effect other) {
+    bool has = false;
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        has = has ||
+              (action->input == input && (part < 0 || v->column[action->target].part == part) &&
+               (action->effect == one || action->effect == other));
+    }
+    return has;
+}
+
+// Lists the groups of the boundary input of an input: x carries energy, s entropy.
+static const char *groups_of(const pm_logger_view *v, int input, int part) {
+    return has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH)     ? "s"
+           : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ? "x, s"
+                                                                          : "x";
+}
+
+// --- choices ---
+
+// All alternatives of a choice, in the order in which they are believed.
+typedef struct choice {
+    const char *name;
+    int count;
+    const char *alternative[PM_LOGGER_ALTERNATIVES];
+} choice;
+
+static const choice choices[PM_LOGGER_NCHOICE] = {
+    {"friction", 4, {"linear, quadratic and dry", "linear and quadratic", "linear", "learned"}},
+    {"energy of positions", 2, {"a sum over positions", "a network of all positions"}},
+    {"inertia", 2, {"a network of positions", "constant"}},
+    {"capacities", 2, {"of what they hold", "constant"}},
+    {"conduction",
+     4,
+     {"constant, radiation and convection", "constant and convection", "constant", "learned"}},
+    {"flow between levels", 2, {"powers of levels", "learned"}}};
+
+int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
+                           const char *const **alternative) {
+    int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0;
+    for (int c = 0; c < v->nvariable; ++c) {
+        const pm_logger_column *column = &v->column[c];
+        flows += column->kind == PM_LOGGER_FLOW;
+        mechanical += column->kind == PM_LOGGER_POSITION;
+        temperatures += column->kind == PM_LOGGER_TEMPERATURE;
+        levels += column->kind == PM_LOGGER_LEVEL;
+        others += column->kind == PM_LOGGER_FLOW && column->mate < 0;
+    }
+    const bool some[PM_LOGGER_NCHOICE] = {flows > 0,        mechanical > 0,
+                                          mechanical > 1,   temperatures + levels + others > 0,
+                                          temperatures > 0, levels > 0};
+    *name = choices[which].name;
+    *alternative = choices[which].alternative;
+    return some[which] ? choices[which].count : 1;
+}
+
+// Returns true if two columns of two parts act on each other by the port of the parts.
+static bool joins(const pm_logger_view *v, int i, int j) {
+    return v->column[i].part != v->column[j].part &&
+           ((v->column[i].kind == PM_LOGGER_TEMPERATURE &&
+             v->column[j].kind == PM_LOGGER_TEMPERATURE) ||
+            v->falls[i][j] || v->falls[j][i] || pm_logger_is_coupled(v, i, j, false));
+}
+
+// --- the scene ---
+
+static pm_status close_file(FILE *file, const char *path) {
+    const bool failed = file == NULL || ferror(file) != 0;
+    return file != NULL && fclose(file) == 0 && !failed
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s: cannot be written", path);
+}
+
+static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input) {
+    const char *separator = "";
+    for (int c = 0; c < v->nvariable; ++c) {
+        bool exposed = v->column[c].part == part;
+        if (input < 0) {
+            const pm_logger_kind kind = v->column[c].kind;
+            exposed = exposed && (kind == PM_LOGGER_FLOW || kind == PM_LOGGER_LEVEL || v->leaks[c]);
+        } else {
+            bool target = false;
+            for (int a = 0; a < v->naction; ++a) {
+                target = target || (v->action[a].input == input && v->action[a].target == c);
+            }
+            exposed = exposed && target;
+        }
+        if (exposed) {
+            fprintf(f, "%s%s", separator, v->column[c].name);
+            separator = ", ";
+        }
+    }
+}
+
+pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) {
+    const pm_logger_view *v = &draft->view;
+    const pm_dataset *d = v->dataset;
+    FILE *f = fopen(path, "w");
+    if (f == NULL) {
+        return pm_fail(PM_EFILE, "%s: cannot be written", path);
+    }
+    const double wanted = ceil(d->dt * v->fastest / (v->noisy ? COARSE : FINE));
+    int shortest = d->ntime;
+    bool surroundings = false, level = false;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        int k = 0;
+        while (k < d->ntime && !isnan(pm_dataset_time(d, i, k))) {
+            ++k;
+        }
+        shortest = i == 0 && k > 1 ? k : shortest;
+    }
+    fprintf(f,
+            "# Proposed by portmet-train propose from %d trajectories of at most %d samples.\n"
+            "# Sensors show co-energies: velocities, temperatures, currents. The momenta, "
+            "entropies and\n"
+            "# fluxes that belong to them are inside (`coenergy: true`).\n"
+            "scene: logger\n"
+            "time: {dt: %.17g, steps: %d, integrator: rk4, substeps: %d}\n"
+            "subsystems:\n",
+            d->ntrajectory, d->ntime, d->dt, shortest > 1 ? shortest - 1 : 1,
+            (int)fmin(fmax(wanted, 1), MOST_SUBSTEPS));
+    for (int i = 0; i < v->npart; ++i) {
+        fprintf(f, "  %s:\n    weights: weights/%s.h5\n    state:\n", v->part[i], v->part[i]);
+        for (int c = 0; c < v->nvariable; ++c) {
+            const pm_logger_column *column = &v->column[c];
+            if (column->part != i) {
+                continue;
+            }
+            fprintf(f, "      %s: {unit: \"%s\"", column->name,
+                    *column->unit == '\0' ? "1" : column->unit);
+            fputs(column->kind == PM_LOGGER_POSITION ? "" : ", coenergy: true", f);
+            if (column->source != NULL) {
+                fprintf(f, ", columns: [\"%s\"]}\n", column->source);
+                if (column->feeds) {
+                    fprintf(f,
+                            "      z_%s: {unit: m^3, hidden: true}   # gives the energy of fluid "
+                            "that falls into another part\n",
+                            column->name);
+                }
+            } else {
+                fprintf(f, ", hidden: {deviation: %.3g}}   # nobody measures it\n",
+                        fmax(column->deviation, LEAST_START));
+            }
+        }
+        surroundings = surroundings || loses(v, i);
+        level = level || falls(v, i);
+    }
+    if (surroundings || v->naction > 0) {
+        fputs("boundary_inputs:\n", f);
+    }
+    if (surroundings) {
+        fprintf(f,
+                "  surroundings:   # they take up heat at a constant temperature\n"
+                "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n",
+                v->bath);
+    }
+    if (level) {
+        fprintf(
+            f,
+            "    z: {unit: m^3, dE: [%.4g], dS: [0]}   # m, the height through which fluid falls\n",
+            pm_logger_highest(v));
+    }
+    for (int u = v->nvariable; u < v->ncolumn; ++u) {
+        const pm_logger_column *input = &v->column[u];
+        const char *groups = groups_of(v, u, -1), *hold = input->held ? "previous" : "smooth";
+        const char *unit = *input->unit == '\0' ? "1" : input->unit;
+        bool acts = false;
+        for (int i = 0; i < v->npart; ++i) {
+            acts = acts || acts_on(v, u, i);
+        }
+        if (acts && *groups == 's') {
+            fprintf(f, "  %s_source: {s: {unit: J/K, dE: [\"%s\"], dS: [1], hold: %s}}\n",
+                    input->name, input->source, hold);
+        } else if (acts) {
+            fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"], hold: %s}\n",
+                    input->name, unit, input->source, hold);
+            fputs(strlen(groups) > 1 ? "    s: {unit: J/K, dE: [0], dS: [1]}\n" : "", f);
+        }
+    }
+    fputs(surroundings || v->naction > 0 || v->nport > 0 ? "ports:\n" : "", f);
+    for (int k = 0; k < v->nport; ++k) {
+        const int *parts = v->port[k];
+        fprintf(f, "  %s_%s:\n    law: bracket\n    between: [%s, %s]\n    expose: {",
+                v->part[parts[0]], v->part[parts[1]], v->part[parts[0]], v->part[parts[1]]);
+        for (int end = 0; end < 2; ++end) {
+            fprintf(f, "%s: [", v->part[parts[end]]);
+            bool listed = false;
+            for (int i = 0; i < v->nvariable; ++i) {
+                bool acts = false;
+                for (int j = 0; j < v->nvariable; ++j) {
+                    acts = acts || (v->column[j].part == parts[1 - end] && joins(v, i, j));
+                }
+                if (acts && v->column[i].part == parts[end]) {
+                    fprintf(f, "%s%s", pm_logger_separate(&listed), v->column[i].name);
+                    if (v->column[i].feeds) {
+                        fprintf(f, ", z_%s", v->column[i].name);
+                    }
+                }
+            }
+            fputs(end == 0 ? "], " : "]}\n", f);
+        }
+        fprintf(f, "    weights: weights/%s_%s.h5\n", v->part[parts[0]], v->part[parts[1]]);
+    }
+    for (int i = 0; i < v->npart; ++i) {
+        if (loses(v, i)) {
+            fprintf(f,
+                    "  %s_losses:\n    law: bracket\n    between: [%s, surroundings]\n    expose: "
+                    "{%s: [",
+                    v->part[i], v->part[i], v->part[i]);
+            write_exposed(f, v, i, -1);
+            fprintf(f, "], surroundings: [s%s]}\n    weights: weights/%s_losses.h5\n",
+                    falls(v, i) ? ", z" : "", v->part[i]);
+        }
+        for (int u = v->nvariable; u < v->ncolumn; ++u) {
+            if (acts_on(v, u, i)) {
+                const char *input = v->column[u].name;
+                fprintf(
+                    f,
+                    "  %s_%s:\n    law: bracket\n    between: [%s, %s_source]\n    expose: {%s: [",
+                    v->part[i], input, v->part[i], input, v->part[i]);
+                write_exposed(f, v, i, u);
+                fprintf(f, "], %s_source: [%s]}\n    weights: weights/%s_%s.h5\n", input,
+                        groups_of(v, u, i), v->part[i], input);
+            }
+        }
+    }
+    fprintf(f, "reference: {file: \"%s\", trajectory: 0", draft->data_path);
+    if (v->hides || !v->even || !v->complete) {
+        // Starts that nobody measures follow from the first samples.
+        const double first = fmax(ceil(shortest * ESTIMATED_PART), FEWEST_SAMPLES);
+        fprintf(f, ", estimate: %.6g", d->dt * fmin(first, shortest - 1));
+    }
+    fputs("}\n", f);
+    return close_file(f, path);
+}
+
+// --- the training file ---
+
+static void write_part(pm_logger_writer *w, int part) {
+    bool some = false;
+    if (!pm_logger_begin(w)) {
+        return;
+    }
+    pm_logger_write_coenergy(w, part);
+    pm_logger_write_energy(w, part);
+    for (int c = 0; c < w->v->nvariable; ++c) {
+        if (pm_logger_is(w->v, c, part, PM_LOGGER_TEMPERATURE)) {
+            fprintf(w->model, "%s%s", some ? ", " : "    entropy: {given: [", w->v->column[c].name);
+            some = true;
+        }
+    }
+    fputs(some ? "]}\n" : "", w->model);
+    pm_logger_write_reversible(w, part);
+    // Conduction between the temperatures.
+    some = false;
+    for (int i = 0; i < w->v->nvariable; ++i) {
+        for (int j = i + 1; j < w->v->nvariable; ++j) {
+            if (!pm_logger_is(w->v, i, part, PM_LOGGER_TEMPERATURE) ||
+                !pm_logger_is(w->v, j, part, PM_LOGGER_TEMPERATURE)) {
+                continue;
+            }
+            const char *a = w->v->column[i].name, *b = w->v->column[j].name;
+            if (w->chosen[PM_LOGGER_CONDUCTION] == LEARNED_CONDUCTION) {
+                fprintf(w->model,
+                        "%s{acts_on: [%s, %s], strength: {features: [%s, %s], hidden: [4], skip: "
+                        "linear}}",
+                        some ? ", " : "    irreversible: {learned: ", a, b, a, b);
+                some = true;
+                continue;
+            }
+            char both[PM_LOGGER_TEXT], da[PM_LOGGER_TEXT], db[PM_LOGGER_TEXT];
+            snprintf(both, sizeof both, "%.40s_%.40s", a, b);
+            snprintf(da, sizeof da, "dE.%.40s", a);
+            snprintf(db, sizeof db, "dE.%.40s", b);
+            fputs(some ? ", " : "    irreversible: {given: [", w->model);
+            some = true;
+            pm_logger_write_conduction(w, both, a, b, da, db,
+                                       w->v->column[i].inertia * fabs(w->v->coupling[i][j]));
+        }
+    }
+    fputs(!some                                                   ? ""
+          : w->chosen[PM_LOGGER_CONDUCTION] == LEARNED_CONDUCTION ? "}\n"
+                                                                  : "]}\n",
+          w->model);
+    pm_logger_end(w, w->v->part[part]);
+}
+
+// Writes the port by which a part loses energy to the surroundings.
+static void write_losses(pm_logger_writer *w, int part) {
+    const pm_logger_view *v = w->v;
+    const int levels = pm_logger_count(v, part, PM_LOGGER_LEVEL);
+    const bool learned = w->chosen[PM_LOGGER_FRICTION] == LEARNED_FRICTION;
+    const bool networks = w->chosen[PM_LOGGER_LEVELS] == NETWORKS_OF_LEVELS && levels > 0;
+    bool some = false;
+    char name[PATH_MAX];
+    if (!pm_logger_begin(w)) {
+        return;
+    }
+    fputs("    law: bracket\n", w->model);
+    if (!networks) {
+        pm_logger_write_falls(w, part);
+    }
+    fputs("    irreversible:\n", w->model);
+    for (int i = 0; i < v->nvariable; ++i) {
+        const pm_logger_column *y = &v->column[i];
+        if (y->part != part) {
+            continue;
+        }
+        const bool drains = y->kind == PM_LOGGER_LEVEL && !networks;
+        if ((y->kind == PM_LOGGER_FLOW && !learned) || v->leaks[i] || drains) {
+            fputs(some ? ",\n        " : "      given:\n        [", w->model);
+            some = true;
+        }
+        if (v->leaks[i]) {
+            char dx[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT];
+            snprintf(x, sizeof x, "a.%.40s", y->name);
+            snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
+            pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i]);
+        } else if (y->kind == PM_LOGGER_FLOW && !learned) {
+            pm_logger_write_friction(w, i);
+        } else if (drains) {
+            char flow[PM_LOGGER_LONG_TEXT];
+            fprintf(w->model, "[a.%s, b.s, \"%s/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
+                    pm_logger_flow(flow, sizeof flow, 'a', y), y->name,
+                    EMPTY * EMPTY * y->largest * y->largest);
+        }
+        for (int j = i + 1; j < v->nvariable && !learned; ++j) {
+            if (v->column[j].part == part && pm_logger_is_coupled(v, i, j, true)) {
+                char both[PM_LOGGER_TEXT];
+                snprintf(both, sizeof both, "%.40s_%.40s", y->name, v->column[j].name);
+                pm_logger_constant(w, "between", both, y->inertia * fabs(v->coupling[i][j]), true);
+                fprintf(w->model, ",\n         [a.%s, a.%s, \"between_%s\"]", y->name,
+                        v->column[j].name, both);
+            }
+        }
+    }
+    fputs(some ? "]\n" : "", w->model);
+    if (networks || (learned && pm_logger_count(v, part, PM_LOGGER_FLOW) > 0)) {
+        bool listed = false;
+        fputs("      learned: {acts_on: [", w->model);
+        for (int c = 0; c < v->nvariable; ++c) {
+            if ((networks && pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) ||
+                (learned && pm_logger_is(v, c, part, PM_LOGGER_FLOW))) {
+                fprintf(w->model, "%sa.%s", pm_logger_separate(&listed), v->column[c].name);
+            }
+        }
+        fprintf(w->model, "%s], rank: %d, heats: [b.s], strength: {features: [",
+                networks && falls(v, part) ? ", b.z" : "",
+                (networks ? levels : 0) + (learned ? pm_logger_count(v, part, PM_LOGGER_FLOW) : 0));
+        listed = false;
+        for (int c = 0; c < v->nvariable; ++c) {
+            if (networks && pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) {
+                fprintf(w->model, "%s\"ln|a.%s|\"", pm_logger_separate(&listed), v->column[c].name);
+            } else if (learned && pm_logger_is(v, c, part, PM_LOGGER_FLOW)) {
+                fprintf(w->model, "%s\"|a.%s|\"", pm_logger_separate(&listed), v->column[c].name);
+            }
+        }
+        fputs("], hidden: [4], skip: linear}}\n", w->model);
+    }
+    snprintf(name, sizeof name, "%s_losses", v->part[part]);
+    pm_logger_end(w, name);
+}
+
+// Writes the port between two parts.
+static void write_port(pm_logger_writer *w, const int *parts) {
+    const pm_logger_view *v = w->v;
+    char name[PATH_MAX];
+    for (int thermal = 0; thermal < 2; ++thermal) {
+        bool some = false;
+        if (thermal == 0 && !pm_logger_begin(w)) {
+            return;
+        }
+        fputs(thermal == 0 ? "    law: bracket\n" : "", w->model);
+        for (int i = 0; i < v->nvariable; ++i) {
+            for (int j = 0; j < v->nvariable; ++j) {
+                const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+                char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], y[PM_LOGGER_TEXT];
+                char dx[PM_LOGGER_TEXT], dy[PM_LOGGER_TEXT];
+                if (a->part != parts[0] || b->part != parts[1] || !joins(v, i, j) ||
+                    (a->kind == PM_LOGGER_TEMPERATURE) != (thermal == 1)) {
+                    continue;
+                }
+                fputs(some           ? ", "
+                      : thermal == 1 ? "    irreversible: {given: ["
+                                     : "    reversible: {given: [",
+                      w->model);
+                some = true;
+                snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
+                snprintf(x, sizeof x, "a.%.40s", a->name);
+                snprintf(y, sizeof y, "b.%.40s", b->name);
+                snprintf(dx, sizeof dx, "a.dE.%.40s", a->name);
+                snprintf(dy, sizeof dy, "b.dE.%.40s", b->name);
+                const bool falls = v->falls[i][j];
+                if (falls || v->falls[j][i]) {
+                    const pm_logger_column *from = falls ? a : b, *to = falls ? b : a;
+                    const char end = falls ? 'a' : 'b';
+                    char flow[PM_LOGGER_LONG_TEXT];
+                    pm_logger_flow_constants(w, from);
+                    fprintf(w->model, "[%c.%s, %c.z_%s, \"%s/%.4g\"]", falls ? 'b' : 'a', to->name,
+                            end, from->name, pm_logger_flow(flow, sizeof flow, end, from),
+                            pm_logger_highest(v));
+                } else if (thermal == 1) {
+                    pm_logger_write_conduction(w, both, x, y, dx, dy,
+                                               a->inertia * fabs(v->coupling[i][j]));
+                } else {
+                    pm_logger_constant(
+                        w, "coupling", both,
+                        (a->inertia * v->coupling[i][j] - b->inertia * v->coupling[j][i]) / 2,
+                        false);
+                    fprintf(w->model, "[%s, %s, \"coupling_%s\"]", x, y, both);
+                }
+            }
+        }
+        fputs(some ? "]}\n" : "", w->model);
+    }
+    snprintf(name, sizeof name, "%s_%s", v->part[parts[0]], v->part[parts[1]]);
+    pm_logger_end(w, name);
+}
+
+// Writes the port by which an input acts on a part.
+static void write_input(pm_logger_writer *w, int part, int input) {
+    const pm_logger_view *v = w->v;
+    const bool bath = *groups_of(v, input, part) == 's';
+    const char *u = v->column[input].name;
+    bool some = false;
+    char name[PATH_MAX];
+    if (!pm_logger_begin(w)) {
+        return;
+    }
+    fprintf(w->model, "    law: bracket\n    %s: {given: [", bath ? "irreversible" : "reversible");
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        const pm_logger_column *y = &v->column[action->target];
+        char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], dx[PM_LOGGER_TEXT];
+        if (action->input != input || y->part != part) {
+            continue;
+        }
+        snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
+        snprintf(x, sizeof x, "a.%.40s", y->name);
+        snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
+        fputs(pm_logger_separate(&some), w->model);
+        if (action->effect == PM_LOGGER_GAIN || action->effect == PM_LOGGER_WARMS) {
+            pm_logger_constant(w, "gain", both, action->gain, action->effect == PM_LOGGER_WARMS);
+        }
+        switch (action->effect) {
+        case PM_LOGGER_DRIVES:
+            fprintf(w->model, "[%s, b.x, 1.0]", x);
+            break;
+        case PM_LOGGER_GAIN:
+            fprintf(w->model, "[%s, b.x, \"gain_%s\"]", x, both);
+            break;
+        case PM_LOGGER_HEATS:
+            fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
+            break;
+        case PM_LOGGER_WARMS:
+            fprintf(w->model, "[%s, b.x, \"gain_%s/%s\"], [b.s, b.x, \"-gain_%s/%s\"]", x, both, dx,
+                    both, dx);
+            break;
+        case PM_LOGGER_BATH:
+            pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain);
+            break;
+        }
+    }
+    fputs("]}\n", w->model);
+    snprintf(name, sizeof name, "%s_%s", v->part[part], u);
+    pm_logger_end(w, name);
+}
+
+pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chosen,
+                                   const char *comment, const char *path) {
+    const pm_logger_view *v = &draft->view;
+    pm_logger_writer w = {.v = v, .chosen = chosen};
+    w.f = fopen(path, "w");
+    if (w.f == NULL) {
+        return pm_fail(PM_EFILE, "%s: cannot be written", path);
+    }
+    fprintf(w.f, "# Proposed by portmet-train propose from the columns of a logger.\n%s", comment);
+    for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
+        const char *name;
+        const char *const *alternative;
+        const int count = pm_logger_alternatives(v, (pm_logger_choice)k, &name, &alternative);
+        if (count > 1) {
+            fprintf(w.f, "# %s: %s; also possible:", name, alternative[chosen[k]]);
+        }
+        for (int i = 0, n = 0; i < count && count > 1; ++i) {
+            if (i != chosen[k]) {
+                fprintf(w.f, "%s %s", n++ > 0 ? "," : "", alternative[i]);
+            }
+        }
+        fputs(count > 1 ? "\n" : "", w.f);
+    }
+    fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"}\nseed: %d\n", draft->scene_path,
+            draft->data_path, draft->seed);
+    if (v->noisy || !v->even || !v->complete || v->hides) {
+        fputs("noise: estimated\n", w.f);
+    }
+    fputs("\nmodels:\n", w.f);
+    for (int i = 0; i < v->npart; ++i) {
+        write_part(&w, i);
+        if (loses(v, i)) {
+            write_losses(&w, i);
+        }
+        for (int u = v->nvariable; u < v->ncolumn; ++u) {
+            if (acts_on(v, u, i)) {
+                write_input(&w, i, u);
+            }
+        }
+    }
+    for (int k = 0; k < v->nport; ++k) {
+        write_port(&w, v->port[k]);
+    }
+    bool some = false;
+    fputs("\nsubsystems: {", w.f);
+    for (int i = 0; i < v->npart; ++i) {
+        fprintf(w.f, "%s%s: %s", pm_logger_separate(&some), v->part[i], v->part[i]);
+    }
+    fputs("}\nports: {", w.f);
+    some = false;
+    for (int i = 0; i < v->npart; ++i) {
+        if (loses(v, i)) {
+            fprintf(w.f, "%s%s_losses: %s_losses", pm_logger_separate(&some), v->part[i],
+                    v->part[i]);
+        }
+        for (int u = v->nvariable; u < v->ncolumn; ++u) {
+            if (acts_on(v, u, i)) {
+                const char *input = v->column[u].name;
+                fprintf(w.f, "%s%s_%s: %s_%s", pm_logger_separate(&some), v->part[i], input,
+                        v->part[i], input);
+            }
+        }
+    }
+    for (int k = 0; k < v->nport; ++k) {
+        const char *a = v->part[v->port[k][0]], *b = v->part[v->port[k][1]];
+        fprintf(w.f, "%s%s_%s: %s_%s", pm_logger_separate(&some), a, b, a, b);
+    }
+    fputs("}\n", w.f);
+    if (!(v->noisy || !v->even || !v->complete || v->hides)) {
+        fprintf(w.f,
+                "\nstart: {tries: 1}\nloss: {residual: step}\nstages:\n"
+                "  - {optimiser: gauss_newton, iterations: %d, batch: %d}\n",
+                ITERATIONS, BATCH);
+    }
+    return close_file(w.f, path);
+}

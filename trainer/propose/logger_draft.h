@@ -1,0 +1,39 @@
+// Writes a scene and training files for the columns of a logger. What the columns do not show
+// stands in a list of choices, each with its alternatives in the order in which they are believed.
+#ifndef PM_TRAINER_PROPOSE_LOGGER_DRAFT_H
+#define PM_TRAINER_PROPOSE_LOGGER_DRAFT_H
+
+#include "propose/logger_view.h"
+
+#define PM_LOGGER_ALTERNATIVES 4
+
+// What is chosen.
+typedef enum pm_logger_choice {
+    PM_LOGGER_FRICTION,   // how friction and resistance depend on what flows
+    PM_LOGGER_POTENTIAL,  // the energy of positions
+    PM_LOGGER_INERTIA,    // whether inertia depends on positions
+    PM_LOGGER_CAPACITY,   // whether capacities depend on temperatures and on other co-energies
+    PM_LOGGER_CONDUCTION, // how conduction depends on temperatures
+    PM_LOGGER_LEVELS,     // how the flow between levels depends on them
+    PM_LOGGER_NCHOICE
+} pm_logger_choice;
+
+typedef struct pm_logger_draft {
+    pm_logger_view view;
+    const char *scene_path, *data_path; // as the files name them
+    int seed;
+} pm_logger_draft;
+
+// Returns the number of alternatives that the columns leave for a choice, 1 if there is nothing to
+// choose, and writes the name of the choice to *name and the names of the alternatives to
+// *alternative; the texts are static.
+int pm_logger_alternatives(const pm_logger_view *view, pm_logger_choice which, const char **name,
+                           const char *const **alternative);
+
+// Writes the scene. PM_EFILE.
+pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path);
+// Writes the training file of chosen [PM_LOGGER_NCHOICE], with `comment` at its head. PM_EFILE.
+pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chosen,
+                                   const char *comment, const char *path);
+
+#endif

@@ -1,0 +1,87 @@
+// The laws of a training file for a logger's columns: energies, friction, conduction and flow, each
+// with constants that begin where regressions put them.
+#ifndef PM_TRAINER_PROPOSE_LOGGER_LAWS_H
+#define PM_TRAINER_PROPOSE_LOGGER_LAWS_H
+
+#include <stdio.h>
+
+#include "propose/logger_draft.h"
+
+#define PM_LOGGER_TEXT 128      // room for a name
+#define PM_LOGGER_LONG_TEXT 256 // room for a law
+
+// The alternatives of the choices, in the order in which they are believed.
+enum { DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION, LEARNED_FRICTION };
+enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS };
+enum { LEARNED_INERTIA, CONSTANT_INERTIA };
+enum { LEARNED_CAPACITY, CONSTANT_CAPACITY };
+enum { RADIATION, CONVECTION, CONSTANT_CONDUCTION, LEARNED_CONDUCTION };
+enum { POWERS_OF_LEVELS, NETWORKS_OF_LEVELS };
+
+// A training file while it is being written. Constants of a model are collected in a text of their
+// own, since they stand before the formulas that name them.
+typedef struct pm_logger_writer {
+    FILE *f;
+    const pm_logger_view *v;
+    const int *chosen;
+    char *constants;
+    size_t size;
+    FILE *list; // writes to `constants`
+    char *body;
+    size_t body_size;
+    FILE *model; // writes to `body`
+} pm_logger_writer;
+
+bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind);
+
+int pm_logger_count(const pm_logger_view *v, int part, pm_logger_kind kind);
+
+// Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
+// across a resistor, those of different kinds, such as a current and an angular velocity, without
+// loss.
+bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind);
+
+double pm_logger_highest(const pm_logger_view *v);
+
+bool pm_logger_begin(pm_logger_writer *w);
+
+// Ends a model: writes its constants, then its body.
+void pm_logger_end(pm_logger_writer *w, const char *name);
+
+// Adds a learned constant "<kind>_<name>" to the model.
+void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start,
+                        bool positive);
+
+const char *pm_logger_separate(bool *some);
+
+// Writes C: the co-energy of velocities, temperatures and the like.
+void pm_logger_write_coenergy(pm_logger_writer *w, int part);
+
+// Writes V, the energy of positions.
+void pm_logger_write_energy(pm_logger_writer *w, int part);
+
+// Writes what couples positions with velocities, and co-energies of different kinds.
+void pm_logger_write_reversible(pm_logger_writer *w, int part);
+
+// Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
+// are the names of the groups with their prefixes, dx and dy those of their co-energies. The
+// conductance is the sum of a constant, of that of radiation, and of that of natural convection,
+// a power of the difference of the temperatures.
+void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
+                                const char *dx, const char *dy, double start);
+
+// Writes friction and resistance of one co-energy.
+void pm_logger_write_friction(pm_logger_writer *w, int c);
+
+// Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
+// smooth where the vessel is empty.
+const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_column *h);
+
+// Adds the constants of this law, which all models share that have them.
+void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h);
+
+// Writes what leaves one level and falls into another one. The fluid that falls loses its energy
+// before it arrives; the height through which it falls gives the energy of the other level.
+void pm_logger_write_falls(pm_logger_writer *w, int part);
+
+#endif

@@ -1,0 +1,242 @@
+// Differences of samples, and the windows of the regressions.
+#include "propose/logger_samples.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+// White noise: the standard deviations of its fourth and sixth differences, and the ratio of the
+// standard deviation of a normal distribution to its median absolute value.
+#define FOURTH_DIFFERENCE 8.3666002653407556
+#define SIXTH_DIFFERENCE 30.397368307141326
+#define NORMAL_MEDIAN 1.4826022185056018
+#define WHITE 0.6          // noise by sixth differences over noise by fourth ones, at least
+#define CLEAN 1e-4         // of the deviation: less noise than that does not count
+#define ROUGH 0.01         // of the deviation: an input with larger fourth differences is held
+#define EVEN 2e-3          // of a step: times that are off by less are even
+#define STAIRCASE 0.3      // of all steps: a column that stays as it is so often is held
+#define JUMP 0.2           // of the deviation: a staircase without hints jumps so far
+#define REGRESSED 400      // windows of a trajectory, at most
+#define CHANGE 30.0        // of the noise: windows are so long that changes are larger
+#define LONGEST_CHANGE 0.3 // of the deviation: windows are no longer than such changes take
+
+enum { FOURTH = 4, SIXTH = 6 };
+static const int difference4[FOURTH + 1] = {1, -4, 6, -4, 1};
+static const int difference6[SIXTH + 1] = {1, -6, 15, -20, 15, -6, 1};
+
+static int compare(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+static double median_of(double *x, int n) {
+    qsort(x, (size_t)n, sizeof *x, compare);
+    return n > 0 ? x[n / 2] : NAN;
+}
+
+// Returns the standard deviation of white noise that the n-th differences show, or NaN. Stencils in
+// which a held input jumps are left out: there the motion has kinks.
+static double differences(const pm_logger_samples *w, int c, int n, const int *stencil,
+                          double size) {
+    const pm_dataset *d = w->view->dataset;
+    int count = 0;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k + n < d->ntime; ++k) {
+            double sum = 0;
+            bool kink = false;
+            for (int j = 0; j <= n; ++j) {
+                sum += stencil[j] * pm_logger_row(w, i, k + j)[c];
+                for (int u = 0; u < w->view->ncolumn && j > 0; ++u) {
+                    const pm_logger_column *input = &w->view->column[u];
+                    kink = kink ||
+                           (u != c && input->kind == PM_LOGGER_INPUT && input->held &&
+                            pm_logger_row(w, i, k + j)[u] != pm_logger_row(w, i, k + j - 1)[u]);
+                }
+            }
+            if (isfinite(sum) && !kink) {
+                w->sort[count++] = fabs(sum);
+            }
+        }
+    }
+    return median_of(w->sort, count) * NORMAL_MEDIAN / size;
+}
+
+// Finds range, mean and deviation of a column, how often it stays as it is, and how far it jumps.
+bool pm_logger_measure(const pm_logger_samples *w, int c) {
+    const pm_dataset *d = w->view->dataset;
+    pm_logger_column *column = &w->view->column[c];
+    double sum = 0, square = 0;
+    int count = 0, steps = 0, equal = 0;
+    column->least = INFINITY;
+    column->largest = -INFINITY;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const double y = pm_logger_row(w, i, k)[c];
+            if (!isfinite(y)) {
+                continue;
+            }
+            column->least = fmin(column->least, y);
+            column->largest = fmax(column->largest, y);
+            sum += y;
+            square += y * y;
+            ++count;
+            const double step = k > 0 ? fabs(y - pm_logger_row(w, i, k - 1)[c]) : NAN;
+            equal += step == 0;
+            if (step > 0) {
+                w->sort[steps++] = step;
+            }
+        }
+    }
+    column->mean = sum / (count > 0 ? count : 1);
+    column->deviation =
+        sqrt(fmax(square / (count > 0 ? count : 1) - column->mean * column->mean, 0));
+    const bool stays = equal > STAIRCASE * (steps + equal);
+    const double jump = steps > 0 ? median_of(w->sort, steps) : 0;
+    const double rough = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
+    column->held = column->kind == PM_LOGGER_INPUT && (stays || rough > ROUGH * column->deviation);
+    return stays && jump > JUMP * column->deviation;
+}
+
+// Chooses the number of samples in a window: so many that the variables change by more than their
+// noise.
+int pm_logger_window(const pm_logger_samples *w) {
+    const pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    int longest = 1;
+    for (int c = 0; c < view->nvariable; ++c) {
+        const pm_logger_column *column = &view->column[c];
+        double change = 0;
+        int m = 1;
+        for (; column->noise > 0 && column->source != NULL && m < d->ntime / 4; m *= 2) {
+            double square = 0;
+            int count = 0;
+            for (int i = 0; i < d->ntrajectory; ++i) {
+                for (int k = 0; k + m < d->ntime; k += m) {
+                    const double step = pm_logger_row(w, i, k + m)[c] - pm_logger_row(w, i, k)[c];
+                    square += isfinite(step) ? step * step : 0;
+                    count += isfinite(step);
+                }
+            }
+            change = sqrt(square / (count > 0 ? count : 1));
+            if (change > CHANGE * column->noise || change > LONGEST_CHANGE * column->deviation) {
+                break;
+            }
+        }
+        longest = m > longest ? m : longest;
+    }
+    return longest;
+}
+
+// Fills the windows: the duration, the integrals of all columns, whose means are subtracted and
+// which are divided by their deviations, and the changes of all columns.
+void pm_logger_divide(pm_logger_samples *w) {
+    const int length = pm_logger_window(w);
+    const pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    w->nfeature = 1 + view->ncolumn;
+    w->nwindow = 0;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        const int jump = 1 + d->ntime / (length * REGRESSED);
+        for (int k = 0; k + length < d->ntime; k += jump * length) {
+            double *x = w->window + (ptrdiff_t)w->nwindow * (w->nfeature + PM_LOGGER_COLUMNS);
+            bool whole = true;
+            memset(x, 0, sizeof(double) * (size_t)(w->nfeature + PM_LOGGER_COLUMNS));
+            x[0] = pm_logger_time(w, i, k + length) - pm_logger_time(w, i, k);
+            for (int c = 0; c < view->ncolumn; ++c) {
+                const pm_logger_column *column = &view->column[c];
+                const double scale = column->deviation > 0 ? column->deviation : 1;
+                for (int j = k; j < k + length; ++j) {
+                    const double first = pm_logger_row(w, i, j)[c],
+                                 last = pm_logger_row(w, i, j + 1)[c];
+                    const double mean = column->held ? first : (first + last) / 2;
+                    x[1 + c] += (pm_logger_time(w, i, j + 1) - pm_logger_time(w, i, j)) *
+                                (mean - column->mean) / scale;
+                }
+                double *change = x + w->nfeature + c;
+                *change = pm_logger_row(w, i, k + length)[c] - pm_logger_row(w, i, k)[c];
+                whole = whole && isfinite(x[1 + c]) && isfinite(*change);
+            }
+            w->nwindow += whole && x[0] > 0;
+        }
+    }
+}
+
+// Regresses the changes of a column on the integrals of the columns in `used`, and on the duration.
+// Writes coefficient [nfeature] of what is used. Returns the unexplained part of the squares.
+double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient) {
+    pm_least_squares *s = w->squares;
+    double x[1 + PM_LOGGER_COLUMNS], solution[1 + PM_LOGGER_COLUMNS];
+    memset(s, 0, sizeof *s);
+    for (int c = 0; c < w->nfeature; ++c) {
+        s->n += c == 0 || used[c - 1];
+    }
+    for (int k = 0; k < w->nwindow; ++k) {
+        const double *row = w->window + (ptrdiff_t)k * (w->nfeature + PM_LOGGER_COLUMNS);
+        for (int c = 0, n = 0; c < w->nfeature; ++c) {
+            if (c == 0 || used[c - 1]) {
+                x[n++] = row[c];
+            }
+        }
+        pm_least_squares_add(s, x, row[w->nfeature + target]);
+    }
+    const double rest = pm_least_squares_solve(s, solution);
+    for (int c = 0, n = 0; c < w->nfeature && coefficient != NULL; ++c) {
+        coefficient[c] = c == 0 || used[c - 1] ? solution[n++] : 0;
+    }
+    return rest;
+}
+
+// Regresses all variables on all columns.
+void pm_logger_regress_all(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    bool used[PM_LOGGER_COLUMNS];
+    double coefficient[1 + PM_LOGGER_COLUMNS];
+    pm_logger_divide(w);
+    for (int i = 0; i < view->nvariable; ++i) {
+        for (int j = 0; j < view->ncolumn; ++j) {
+            used[j] = true;
+        }
+        const double rest = pm_logger_regress(w, i, used, coefficient);
+        view->column[i].constant = coefficient[0];
+        for (int j = 0; j < view->ncolumn; ++j) {
+            const pm_logger_column *other = &view->column[j];
+            view->coupling[i][j] =
+                coefficient[1 + j] / (other->deviation > 0 ? other->deviation : 1);
+            view->column[i].constant -= view->coupling[i][j] * other->mean;
+            used[j] = false;
+            view->share[i][j] = pm_logger_regress(w, i, used, NULL) - rest;
+            used[j] = true;
+        }
+        view->column[i].decay = -view->coupling[i][i];
+    }
+    for (int i = 0; i < view->nvariable; ++i) {
+        double rate = fabs(view->coupling[i][i]);
+        for (int j = 0; j < view->nvariable; ++j) {
+            rate += j == i ? 0 : sqrt(fabs(view->coupling[i][j] * view->coupling[j][i]));
+        }
+        view->fastest = fmax(view->fastest, rate);
+    }
+}
+
+// Finds out whether times are even and whether all samples are there, and the noise of variables.
+void pm_logger_find_noise(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    view->even = view->complete = true;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const double off = pm_logger_time(w, i, k) - pm_logger_time(w, i, 0) - k * d->dt;
+            view->even = view->even && !(fabs(off) > EVEN * d->dt);
+            for (int c = 0; c < view->ncolumn; ++c) {
+                view->complete = view->complete && isfinite(pm_logger_row(w, i, k)[c]);
+            }
+        }
+    }
+    for (int c = 0; c < view->nvariable; ++c) {
+        pm_logger_column *column = &view->column[c];
+        const double fourth = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
+        const double sixth = differences(w, c, SIXTH, difference6, SIXTH_DIFFERENCE);
+        column->noise = sixth > WHITE * fourth && sixth > CLEAN * column->deviation ? sixth : 0;
+        view->noisy = view->noisy || column->noise > 0;
+    }
+}

@@ -1,0 +1,55 @@
+// The samples of a logger's columns, and linear regressions of changes on integrals. For a window
+// of samples from t0 to t1, the change y(t1) - y(t0) is compared with the integrals of all columns
+// over the window, so that no derivative of noisy samples is needed (weak form, as in Messenger and
+// Bortz, J. Comput. Phys. 443, 2021).
+#ifndef PM_TRAINER_PROPOSE_LOGGER_SAMPLES_H
+#define PM_TRAINER_PROPOSE_LOGGER_SAMPLES_H
+
+#include "propose/logger_view.h"
+#include "propose/look.h"
+
+// The numbers of all columns, and the windows of the regressions. The view lists the columns.
+typedef struct pm_logger_samples {
+    pm_logger_view *view;
+    int nrow;      // samples of all trajectories
+    double *value; // [nrow][PM_LOGGER_COLUMNS]
+    double *time;  // [nrow] s; NaN after the end of a trajectory
+    double *sort;  // [nrow]
+    int nwindow, nfeature;
+    double *window; // [nwindow][nfeature + PM_LOGGER_COLUMNS] integrals, then changes
+    pm_least_squares *squares;
+} pm_logger_samples;
+
+// Return the numbers of all columns at a sample, and its time in s, NaN after the end.
+static inline double *pm_logger_row(const pm_logger_samples *w, int trajectory, int sample) {
+    return w->value +
+           ((ptrdiff_t)trajectory * w->view->dataset->ntime + sample) * PM_LOGGER_COLUMNS;
+}
+static inline double pm_logger_time(const pm_logger_samples *w, int trajectory, int sample) {
+    return w->time[(ptrdiff_t)trajectory * w->view->dataset->ntime + sample];
+}
+
+// Finds range, mean and deviation of column c. An input is `held` if it mostly stays as it is, or
+// if it is rough. Returns true if the column is a staircase with wide steps.
+bool pm_logger_measure(const pm_logger_samples *w, int c);
+
+// Finds out whether times are even and whether all samples are there, and the noise of variables.
+void pm_logger_find_noise(pm_logger_samples *w);
+
+// Returns the number of samples in a window: so many that the variables change by more than their
+// noise.
+int pm_logger_window(const pm_logger_samples *w);
+
+// Divides the samples into windows.
+void pm_logger_divide(pm_logger_samples *w);
+
+// Regresses the changes of a variable on the integrals of the columns in `used`, and on the
+// duration, with all windows. Columns count relative to their mean and deviation. Writes
+// coefficient [1 + columns], that of the duration first, unless it is NULL. Returns the unexplained
+// part of the squares of the changes.
+double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient);
+
+// Regresses all variables on all columns, and fills the view's couplings, shares and fastest rate.
+void pm_logger_regress_all(pm_logger_samples *w);
+
+#endif

@@ -1,0 +1,513 @@
+// Units and regressions of a logger's columns.
+#include "propose/logger_view.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "propose/logger_samples.h"
+
+#define SAME 0.05       // of a rate: a velocity differs by less from that of its position
+#define FIRST_ORDER 0.3 // of the changes: a length that leaves less unexplained is a level
+#define ACTS 1e-3       // of the changes: an input that explains less does not act
+#define BESIDE 0.1      // of the best target's: other targets have such a share, at least
+#define MOVES 1e-3      // of the changes: a part that explains less does not move another one
+#define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
+#define ROOM 293.15     // K
+#define COLDEST 200.0   // K, of surroundings
+#define HOTTEST 400.0
+
+static bool has_unit(const pm_logger_column *c, const char *unit) {
+    const pm_unit other = pm_unit_parse(unit);
+    return c->dimension.known && memcmp(c->dimension.power, other.power, sizeof other.power) == 0;
+}
+
+// --- columns ---
+
+// Returns the text of the SI unit of a quantity that is measured in the unit `text`.
+static const char *si_unit(pm_logger_view *view, const char *text, const pm_unit *unit) {
+    static const char *const base[PM_UNIT_BASES] = {"kg", "m", "s", "A", "K", "mol"};
+    pm_unit si = *unit;
+    si.factor = 1;
+    const char *symbol = pm_unit_symbol(&si);
+    if (!unit->known || *text == '\0') {
+        return "1";
+    }
+    if (unit->factor == 1 && unit->offset == 0) {
+        return text;
+    }
+    if (symbol != NULL) {
+        return symbol;
+    }
+    symbol = unit->angle ? "rad" : "";
+    for (int k = 0; k < PM_UNIT_BASES && symbol != NULL; ++k) {
+        if (unit->power[k] != 0) {
+            symbol = pm_arena_printf(&view->arena, "%s%s%s^%d", symbol, *symbol == '\0' ? "" : " ",
+                                     base[k], unit->power[k]);
+        }
+    }
+    return symbol != NULL && *symbol == '\0' ? "1" : symbol;
+}
+
+// --- what columns are ---
+
+// Adds the velocity of a position that has none: estimated by differences, and `hidden` to the fit.
+static void add_hidden(pm_logger_samples *w, int q) {
+    pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    const int c = view->nvariable, reach = pm_logger_window(w);
+    // Inputs stand behind the variables.
+    memmove(&view->column[c + 1], &view->column[c],
+            (size_t)(view->ncolumn - c) * sizeof *view->column);
+    for (int k = 0; k < w->nrow; ++k) {
+        double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+        memmove(row + c + 1, row + c, (size_t)(view->ncolumn - c) * sizeof *row);
+    }
+    ++view->ncolumn;
+    ++view->nvariable;
+    pm_logger_column *p = &view->column[q];
+    const pm_unit unit = pm_unit_parse(p->unit);
+    view->column[c] = (pm_logger_column){
+        .name = pm_arena_printf(&view->arena, "%s_rate", p->name),
+        .id = -1,
+        .unit =
+            unit.known && *p->unit != '\0' ? pm_arena_printf(&view->arena, "%s/s", p->unit) : "1/s",
+        .kind = PM_LOGGER_FLOW,
+        .mate = q,
+        .inertia = 1};
+    view->column[c].dimension = pm_unit_parse(view->column[c].unit);
+    view->hides = true;
+    p->mate = c;
+    p->kind = PM_LOGGER_POSITION;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const bool inside = k >= reach && k + reach < d->ntime;
+            pm_logger_row(w, i, k)[c] =
+                inside ? (pm_logger_row(w, i, k + reach)[q] - pm_logger_row(w, i, k - reach)[q]) /
+                             (pm_logger_time(w, i, k + reach) - pm_logger_time(w, i, k - reach))
+                       : NAN;
+        }
+    }
+    (void)pm_logger_measure(w, c);
+}
+
+// Finds positions with their velocities, then gives each variable its kind.
+static void find_kinds(pm_logger_samples *w, int hidden) {
+    pm_logger_view *view = w->view;
+    const pm_unit second = pm_unit_parse("s");
+    bool fluid = false;
+    for (int c = 0; c < view->ncolumn; ++c) {
+        fluid = fluid || has_unit(&view->column[c], "m^3/s");
+    }
+    pm_logger_divide(w);
+    // The best pairs first.
+    for (int pairs = 0; pairs < view->nvariable; ++pairs) {
+        int q = -1, v = -1;
+        double best = INFINITY;
+        for (int i = 0; i < view->nvariable; ++i) {
+            for (int j = 0; j < view->nvariable; ++j) {
+                const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+                const pm_unit unit = pm_unit_product(&b->dimension, &second);
+                const bool known = a->dimension.known && b->dimension.known;
+                bool used[PM_LOGGER_COLUMNS] = {false};
+                double coefficient[1 + PM_LOGGER_COLUMNS];
+                if (i == j || a->mate >= 0 || b->mate >= 0 ||
+                    (known && !pm_unit_equal(&a->dimension, &unit))) {
+                    continue;
+                }
+                used[j] = true;
+                const double rest = pm_logger_regress(w, i, used, coefficient);
+                const double slope = coefficient[1 + j] / (b->deviation > 0 ? b->deviation : 1);
+                if (rest < fmin(best, 2 * SAME) && fabs(slope - 1) < SAME) {
+                    best = rest, q = i, v = j;
+                }
+            }
+        }
+        if (q < 0) {
+            break;
+        }
+        view->column[q].mate = v;
+        view->column[q].kind = PM_LOGGER_POSITION;
+        view->column[v].mate = q;
+    }
+    const int measured = view->nvariable;
+    for (int c = 0; c < measured; ++c) {
+        pm_logger_column *column = &view->column[c];
+        bool used[PM_LOGGER_COLUMNS];
+        for (int j = 0; j < view->ncolumn; ++j) {
+            used[j] = true;
+        }
+        if (column->mate >= 0) {
+        } else if (has_unit(column, "K")) {
+            column->kind = PM_LOGGER_TEMPERATURE;
+        } else if (has_unit(column, "m") &&
+                   (fluid || pm_logger_regress(w, c, used, NULL) < FIRST_ORDER)) {
+            column->kind = PM_LOGGER_LEVEL;
+        } else if ((has_unit(column, "m") || column->angle) && hidden != 0 &&
+                   view->ncolumn < PM_LOGGER_COLUMNS) {
+            add_hidden(w, c);
+            pm_logger_divide(w);
+        }
+    }
+}
+
+// --- inputs and scales ---
+
+// Returns how an input may act on a variable by its unit: with the factor 1, as heat or as a bath;
+// a factor that is learned where units do not say.
+static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger_column *target) {
+    const pm_unit power = pm_unit_product(&input->dimension, &target->dimension);
+    const pm_unit watt = pm_unit_parse("W");
+    if (target->kind == PM_LOGGER_TEMPERATURE) {
+        return has_unit(input, "W")   ? PM_LOGGER_HEATS
+               : has_unit(input, "K") ? PM_LOGGER_BATH
+                                      : PM_LOGGER_WARMS;
+    }
+    return pm_unit_equal(&power, &watt) ||
+                   (target->kind == PM_LOGGER_LEVEL && has_unit(input, "m^3/s"))
+               ? PM_LOGGER_DRIVES
+               : PM_LOGGER_GAIN;
+}
+
+static bool is_learned(pm_logger_effect effect) {
+    return effect == PM_LOGGER_GAIN || effect == PM_LOGGER_WARMS;
+}
+
+// Finds the variables on which each input acts: those that its unit allows, if there are any, and
+// whose changes it explains.
+static void find_actions(pm_logger_view *view) {
+    for (int u = view->nvariable; u < view->ncolumn; ++u) {
+        bool by_unit = false;
+        double best = 0;
+        for (int pass = 0; pass < 3; ++pass) { // units, the best share, actions
+            for (int c = 0; c < view->nvariable; ++c) {
+                if (view->column[c].kind == PM_LOGGER_POSITION) {
+                    continue;
+                }
+                const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
+                const bool candidate = !by_unit || !is_learned(effect);
+                const double share = view->share[c][u];
+                if (pass == 0) {
+                    by_unit = by_unit || !is_learned(effect);
+                } else if (pass == 1 && candidate) {
+                    best = fmax(best, share);
+                } else if (candidate && share >= BESIDE * best && (share > ACTS || share == best) &&
+                           view->naction < PM_LOGGER_ACTIONS) {
+                    view->action[view->naction++] = (pm_logger_action){u, c, effect, 1};
+                }
+            }
+        }
+    }
+}
+
+// Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
+// known power acts, or that which makes couplings of two co-energies equal and opposite. Finds the
+// temperature of the surroundings, too.
+static void find_scales(pm_logger_view *view) {
+    bool known[PM_LOGGER_COLUMNS] = {false};
+    for (int a = 0; a < view->naction; ++a) {
+        const pm_logger_action *action = &view->action[a];
+        pm_logger_column *c = &view->column[action->target];
+        const double response = fabs(view->coupling[action->target][action->input]);
+        if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH && response > 0) {
+            // Heat enters an entropy, whose derivative is the capacity over the temperature.
+            c->inertia = 1 / response;
+            known[action->target] = true;
+        }
+    }
+    for (int rounds = 0; rounds < view->nvariable; ++rounds) {
+        int from = -1, to = -1;
+        double best = 0;
+        for (int i = 0; i < view->nvariable; ++i) {
+            for (int j = 0; j < view->nvariable; ++j) {
+                const double share = view->falls[i][j] ? view->share[j][i]
+                                                       : fmin(view->share[i][j], view->share[j][i]);
+                const bool thermal = view->column[i].kind == PM_LOGGER_TEMPERATURE;
+                if (known[i] && !known[j] && share > best &&
+                    view->column[j].kind != PM_LOGGER_POSITION &&
+                    thermal == (view->column[j].kind == PM_LOGGER_TEMPERATURE)) {
+                    best = share, from = i, to = j;
+                }
+            }
+        }
+        if (from >= 0) {
+            const double back = view->coupling[to][from];
+            const bool falls = view->falls[from][to];
+            view->column[to].inertia =
+                view->column[from].inertia *
+                fabs((falls ? view->column[from].decay : view->coupling[from][to]) / back);
+        } else {
+            // Nothing fixes the scale of what is left: that of the first becomes the unit.
+            for (to = 0; to < view->nvariable &&
+                         (known[to] || view->column[to].kind == PM_LOGGER_POSITION);) {
+                ++to;
+            }
+            if (to == view->nvariable) {
+                break;
+            }
+            view->column[to].inertia = 1;
+            view->column[to].free_scale = true;
+        }
+        known[to] = true;
+    }
+    for (int a = 0; a < view->naction; ++a) {
+        pm_logger_action *action = &view->action[a];
+        const pm_logger_column *c = &view->column[action->target];
+        action->gain = c->inertia * view->coupling[action->target][action->input];
+    }
+    // Temperatures may tend towards surroundings which no input describes.
+    double sum = 0, weight = 0;
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *c = &view->column[i];
+        double leak = c->decay;
+        bool bath = false;
+        for (int j = 0; j < view->nvariable; ++j) {
+            leak -=
+                j != i && view->column[j].kind == PM_LOGGER_TEMPERATURE ? view->coupling[i][j] : 0;
+        }
+        for (int a = 0; a < view->naction; ++a) {
+            bath =
+                bath || (view->action[a].effect == PM_LOGGER_BATH && view->action[a].target == i);
+        }
+        const double outside = leak > 0 ? c->constant / leak : 0;
+        view->leaks[i] = c->kind == PM_LOGGER_TEMPERATURE && !bath && leak > LEAK * c->decay &&
+                         outside > COLDEST && outside < HOTTEST;
+        view->leak[i] = leak;
+        sum += view->leaks[i] ? leak * outside : 0;
+        weight += view->leaks[i] ? leak : 0;
+    }
+    view->bath = weight > 0 ? sum / weight : ROOM;
+}
+
+// --- parts ---
+
+static int find_part(const pm_logger_view *view, const char *text, size_t length) {
+    for (int i = 0; i < view->npart; ++i) {
+        if (strlen(view->part[i]) == length && strncmp(view->part[i], text, length) == 0) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+static pm_status read_parts(pm_logger_view *view, const pm_logger_hints *hints) {
+    for (int c = 0; c < view->ncolumn; ++c) {
+        view->column[c].part = hints->npart == 0 ? 0 : -1;
+    }
+    view->part[view->npart++] = "system";
+    for (int i = 0; i < hints->npart; ++i) {
+        const char *text = hints->part[i];
+        size_t length = strcspn(text, "=");
+        if (i == PM_LOGGER_PARTS || text[length] == '\0') {
+            return pm_fail(
+                PM_EUSAGE,
+                "--part: expected at most %d of the form NAME=COLUMN,..., found \"%.60s\"",
+                PM_LOGGER_PARTS, text);
+        }
+        view->part[i] = pm_arena_printf(&view->arena, "%.*s", (int)length, text);
+        PM_TRY(pm_arena_status(&view->arena, "parts"));
+        view->npart = i + 1;
+        for (text += length; *text != '\0'; text += length) {
+            length = strcspn(++text, ",");
+            int c = 0;
+            while (c < view->ncolumn && (strlen(view->column[c].source) != length ||
+                                         strncmp(view->column[c].source, text, length) != 0)) {
+                ++c;
+            }
+            if (c == view->ncolumn) {
+                return pm_fail(PM_EUSAGE, "--part: the tables have no column \"%.*s\"", (int)length,
+                               text);
+            }
+            view->column[c].part = i;
+        }
+    }
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (view->column[c].part < 0) {
+            return pm_fail(PM_EUSAGE, "--part: column \"%s\" belongs to no part and is no input",
+                           view->column[c].source);
+        }
+    }
+    return PM_OK;
+}
+
+// Finds the ports: those of the hints, or between parts of which one moves the other.
+static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) {
+    for (int i = 0; i < hints->nport; ++i) {
+        const char *text = hints->port[i];
+        const size_t length = strcspn(text, ",");
+        const int a = find_part(view, text, length);
+        const int b = text[length] == '\0'
+                          ? -1
+                          : find_part(view, text + length + 1, strlen(text + length + 1));
+        if (a < 0 || b < 0 || a == b || i == PM_LOGGER_PARTS * PM_LOGGER_PARTS) {
+            return pm_fail(PM_EUSAGE, "--port: expected the names of two parts, found \"%.60s\"",
+                           text);
+        }
+        view->port[view->nport][0] = a;
+        view->port[view->nport++][1] = b;
+    }
+    for (int a = 0; hints->nport == 0 && a < view->npart; ++a) {
+        for (int b = a + 1; b < view->npart; ++b) {
+            double most = 0;
+            for (int i = 0; i < view->nvariable; ++i) {
+                for (int j = 0; j < view->nvariable; ++j) {
+                    const int pi = view->column[i].part, pj = view->column[j].part;
+                    most = (pi == a && pj == b) || (pi == b && pj == a)
+                               ? fmax(most, view->share[i][j])
+                               : most;
+                }
+            }
+            if (most > MOVES) {
+                view->port[view->nport][0] = a;
+                view->port[view->nport++][1] = b;
+            }
+        }
+    }
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *c = view->column;
+        for (int j = 0; j < view->nvariable; ++j) {
+            view->falls[i][j] = i != j && c[i].kind == PM_LOGGER_LEVEL &&
+                                c[j].kind == PM_LOGGER_LEVEL && view->coupling[j][i] > 0 &&
+                                view->share[j][i] > MOVES &&
+                                view->coupling[j][i] > fabs(view->coupling[i][j]);
+        }
+    }
+    // What a port between parts may do: conduct heat, let fluid fall, and couple co-energies of
+    // different kinds.
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *a = &view->column[i];
+        if (a->mate >= 0 && a->part != view->column[a->mate].part) {
+            return pm_fail(PM_EUSAGE, "--part: %s and its rate %s belong to two parts", a->name,
+                           view->column[a->mate].name);
+        }
+        for (int j = 0; j < view->nvariable; ++j) {
+            const pm_logger_column *b = &view->column[j];
+            const bool heat = a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE;
+            if (a->part != b->part && view->falls[i][j]) {
+                view->column[i].feeds = view->hides = true;
+            }
+            if (a->part < b->part && !heat && !view->falls[i][j] && !view->falls[j][i] &&
+                view->share[j][i] + view->share[i][j] > MOVES &&
+                pm_unit_equal(&a->dimension, &b->dimension)) {
+                return pm_fail(PM_EUSAGE,
+                               "--part: %s and %s move each other by friction or flow, whose heat "
+                               "needs a place: keep them in one part",
+                               a->name, b->name);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// --- the whole ---
+
+// Copies the columns, inputs last.
+static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints) {
+    pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    const char **unit = NULL;
+    bool input[PM_LOGGER_COLUMNS] = {false};
+    PM_TRY(pm_dataset_units(d, &view->arena, &unit));
+    if (2 * d->ncolumn > PM_LOGGER_COLUMNS) {
+        return pm_fail(PM_EDATA, "a proposal without a scene takes at most %d columns, found %d",
+                       PM_LOGGER_COLUMNS / 2, d->ncolumn);
+    }
+    // A staircase is an input, if nothing is said.
+    for (int c = 0; c < d->ncolumn; ++c) {
+        for (int k = 0; k < w->nrow; ++k) {
+            w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS] = d->z[(ptrdiff_t)k * d->ncolumn + c];
+        }
+        input[c] = pm_logger_measure(w, 0) && hints->inputs == NULL;
+    }
+    for (const char *text = hints->inputs; text != NULL && *text != '\0';) {
+        const size_t n = strcspn(text, ",");
+        int c = 0;
+        while (c < d->ncolumn &&
+               (strlen(d->column[c]) != n || strncmp(d->column[c], text, n) != 0)) {
+            ++c;
+        }
+        if (c == d->ncolumn) {
+            return pm_fail(PM_EUSAGE, "--inputs: the tables have no column \"%.*s\"", (int)n, text);
+        }
+        input[c] = true;
+        text += n + (text[n] == ',');
+    }
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int c = 0; c < d->ncolumn; ++c) {
+            if (input[c] != (pass == 1)) {
+                continue;
+            }
+            pm_logger_column *column = &view->column[view->ncolumn];
+            // A name for a group of the scene.
+            const char *letter = isalpha((unsigned char)*d->column[c]) ? "" : "c";
+            char *name = pm_arena_printf(&view->arena, "%s%.40s", letter, d->column[c]);
+            for (char *at = name; at != NULL && *at != '\0'; ++at) {
+                *at = isalnum((unsigned char)*at) ? *at : '_';
+            }
+            *column = (pm_logger_column){.name = name,
+                                         .source = d->column[c],
+                                         .id = c,
+                                         .kind = pass == 1 ? PM_LOGGER_INPUT : PM_LOGGER_FLOW,
+                                         .mate = -1,
+                                         .inertia = 1};
+            PM_TRY(pm_arena_status(&view->arena, "columns"));
+            const pm_unit own = pm_unit_parse(unit == NULL ? "" : unit[c]);
+            column->dimension = own;
+            column->unit = si_unit(view, unit == NULL ? "" : unit[c], &own);
+            column->dimension.factor = 1;
+            column->dimension.offset = 0;
+            const pm_unit number = pm_unit_parse("1");
+            column->angle = own.angle && pm_unit_equal(&own, &number);
+            for (int k = 0; k < w->nrow; ++k) {
+                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + view->ncolumn] =
+                    own.factor * d->z[(ptrdiff_t)k * d->ncolumn + c] + own.offset;
+            }
+            ++view->ncolumn;
+            (void)pm_logger_measure(w, view->ncolumn - 1);
+        }
+        view->nvariable = pass == 0 ? view->ncolumn : view->nvariable;
+    }
+    return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
+}
+
+pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
+                         const pm_logger_hints *hints) {
+    pm_logger_samples w = {.view = view, .nrow = dataset->ntrajectory * dataset->ntime};
+    const size_t n = (size_t)w.nrow;
+    pm_status status;
+    *view = (pm_logger_view){.dataset = dataset};
+    w.value = pm_arena_array(&view->arena, n * PM_LOGGER_COLUMNS, sizeof *w.value);
+    w.time = pm_arena_array(&view->arena, n, sizeof *w.time);
+    w.sort = pm_arena_array(&view->arena, n, sizeof *w.sort);
+    w.window = pm_arena_array(&view->arena, n * (2 * PM_LOGGER_COLUMNS + 1), sizeof *w.window);
+    w.squares = pm_arena_array(&view->arena, 1, sizeof *w.squares);
+    PM_TRY_DONE(pm_arena_status(&view->arena, "the columns of a logger"));
+    for (int k = 0; k < w.nrow; ++k) {
+        w.time[k] = pm_dataset_time(dataset, k / dataset->ntime, k % dataset->ntime);
+    }
+    PM_TRY_DONE(take_columns(&w, hints));
+    PM_TRY_DONE(read_parts(view, hints));
+    pm_logger_find_noise(&w);
+    find_kinds(&w, hints->hidden);
+    for (int c = 0; c < view->nvariable; ++c) {
+        const pm_logger_column *column = &view->column[c];
+        if (column->source == NULL) {
+            view->column[c].part = view->column[column->mate].part;
+        }
+    }
+    pm_logger_regress_all(&w);
+    PM_TRY_DONE(find_ports(view, hints));
+    find_actions(view);
+    find_scales(view);
+    status = pm_arena_status(&view->arena, "the columns of a logger");
+done:
+    if (status != PM_OK) {
+        pm_arena_free(&view->arena);
+    }
+    return status;
+}
+
+void pm_logger_view_free(pm_logger_view *view) {
+    pm_arena_free(&view->arena);
+}

@@ -1,0 +1,106 @@
+// What the columns of a logger are: velocities with their positions, temperatures, levels, other
+// co-energies, and inputs; which of them move each other, and where a fit may begin. Units come
+// first, and linear regressions decide the rest (logger_samples.h).
+#ifndef PM_TRAINER_PROPOSE_LOGGER_VIEW_H
+#define PM_TRAINER_PROPOSE_LOGGER_VIEW_H
+
+#include <stdbool.h>
+
+#include "base/arena.h"
+#include "base/unit.h"
+#include "model/spec.h"
+#include "store/dataset.h"
+
+#define PM_LOGGER_COLUMNS 32 // columns beside the times, hidden velocities included
+#define PM_LOGGER_PARTS 8
+#define PM_LOGGER_ACTIONS 64
+
+typedef enum pm_logger_kind {
+    PM_LOGGER_POSITION,    // dq/dt = v, where v is its mate; or of a charge and a current
+    PM_LOGGER_FLOW,        // a co-energy such as a velocity, a current, a voltage or a pressure
+    PM_LOGGER_TEMPERATURE, // the co-energy of an entropy
+    PM_LOGGER_LEVEL,       // the co-energy of a volume, but for the weight of the fluid
+    PM_LOGGER_INPUT
+} pm_logger_kind;
+
+typedef struct pm_logger_column {
+    const char *name;   // of a group of the scene
+    const char *source; // column of the dataset; NULL: nobody measures it
+    int id;             // of this column; -1
+    const char *unit;   // SI; values of the dataset are converted
+    pm_unit dimension;
+    bool angle;
+    pm_logger_kind kind;
+    int mate;  // of a position its velocity, of a velocity its position; -1
+    int part;  // of variables; -1: an input
+    bool held; // inputs: a staircase, or no smooth function
+    double least, largest, mean, deviation; // in its unit
+    double noise;                           // standard deviation of white noise; 0: none is seen
+    // Of co-energies: the derivative of their energy variable with which a fit begins, and whether
+    // no input fixes its size. Then it is the unit of all energies that depend on it.
+    double inertia;
+    bool free_scale;
+    double decay;    // 1/s: minus the coefficient of the variable in its own rate
+    bool feeds;      // a level from which fluid falls into another part
+    double constant; // the rate that depends on nothing, in its unit per s
+} pm_logger_column;
+
+typedef enum pm_logger_effect {
+    PM_LOGGER_DRIVES, // the product of the units is a power: it acts with the factor 1
+    PM_LOGGER_GAIN,   // acts with a factor that is learned
+    PM_LOGGER_HEATS,  // a power that becomes heat
+    PM_LOGGER_WARMS,  // heats with a factor that is learned
+    PM_LOGGER_BATH    // a temperature that exchanges heat
+} pm_logger_effect;
+
+// An input that acts on a variable.
+typedef struct pm_logger_action {
+    int input, target;
+    pm_logger_effect effect;
+    double gain; // with which a fit begins, in units of the energy variable of the target per s
+} pm_logger_action;
+
+typedef struct pm_logger_view {
+    pm_arena arena;            // owns all that follows
+    const pm_dataset *dataset; // borrowed
+    int ncolumn, nvariable;    // variables stand first, then inputs
+    pm_logger_column column[PM_LOGGER_COLUMNS];
+    int npart;
+    const char *part[PM_LOGGER_PARTS];
+    int nport;
+    int port[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts that move each other
+    int naction;
+    pm_logger_action action[PM_LOGGER_ACTIONS];
+    // coupling[i][j] in 1/s times the unit of i per unit of j: how variable j changes the rate of
+    // variable i; share[i][j], 0 to 1: the part of the changes of i that only column j explains.
+    double coupling[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    double share[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [i][j] fluid falls from level i into level j: i moves j, and j does not move i.
+    bool falls[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    bool even, complete; // times are evenly spaced; no sample is missing, all runs are equally long
+    bool noisy;          // some variable is
+    bool hides;          // some variable is not measured
+    double fastest;      // 1/s: of linear rates
+    double bath;         // K: the temperature of the surroundings
+    bool leaks[PM_LOGGER_COLUMNS];  // temperatures that tend towards the surroundings
+    double leak[PM_LOGGER_COLUMNS]; // 1/s: how fast
+} pm_logger_view;
+
+// What the user says about the columns.
+typedef struct pm_logger_hints {
+    const char *inputs; // "F,u"; NULL: columns that are staircases are inputs
+    int npart, nport;
+    const char *const *part; // [npart] "arm=q1,w1", ...; none: one part
+    const char *const *port; // [nport] "arm,hand", ...; none: data tell
+    int hidden;              // 0: all velocities are measured; -1: data tell
+    int seed;                // of the training file
+} pm_logger_hints;
+
+// Describes the columns of measurements. `dataset` and the texts of `hints` must outlive the view.
+// PM_EUSAGE: a hint names no column or part; PM_EDATA: too many columns, or too few samples;
+// PM_ENOMEM. After a failure nothing is left to free.
+pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
+                         const pm_logger_hints *hints);
+void pm_logger_view_free(pm_logger_view *view);
+
+#endif
