@@ -324,10 +324,16 @@ stages: [{optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 4}]
 END
 fit scaled scaled
 grep -q "temperatures are hardly determined" "$folder/out" || fail "fit: expected the scale of energy to be free"
+grep -q "do not need" "$folder/out" && fail "fit: the joint needs its coupling"
 sed 's/learned: {acts_on: \[q\], against: \[p\]}/given: [[q, p, 1.0]]/' "$folder/scaled.yaml" >"$folder/known.yaml"
 fit known known
 grep -q "temperatures: all higher" "$folder/out" || fail "fit: expected a line about temperatures"
 grep -q "temperatures are hardly determined" "$folder/out" && fail "fit: the given pair fixes the scale of energy"
+# A coupling that the motion does not have is named.
+sed -e 's/learned: {acts_on: \[a.p\], against: \[b.q\]}/given: [[a.p, b.q, 1.0]], learned: {acts_on: [a.p], against: [a.s, b.s]}/' \
+    -e 's/iterations: 2/iterations: 40/' "$folder/known.yaml" >"$folder/needless.yaml"
+fit needless needless || fail "fit needless"
+grep -q "joint: the data do not need its learned reversible coupling" "$folder/out" || fail "fit: expected a needless coupling"
 
 # --- what is not examined is said ---
 sed -e 's/exponentials: 1,/exponentials: 1, hidden: [24, 24],/' -e 's/iterations: 2, batch: 50/iterations: 1, batch: 5/' \

@@ -158,6 +158,14 @@ awk '/^windows of 4 / { sub(/.*residual /, ""); exit !($1 < 1.2) }' "$folder/out
     fail "fit: the deviation of a start holds back what happens later"
 grep -qE "room.C = 1[45][0-9][0-9]" "$folder/out" || fail "fit: expected a room of 1500 J/K"
 
+# --- a network beside a formula stays only if it helps: not where the formula is right, but where it lacks something ---
+sed -e '/useless:/d' -e 's/stiffness\*cos(q) + useless"/stiffness*cos(q)", {features: [q], hidden: [4]}/' "$folder/training.yaml" \
+    >"$folder/beside.yaml"
+succeed "without: they are left out" fit "$folder/beside.yaml" --data "$folder/swing.h5" -o "$folder/beside"
+grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit beside a network: expected a stiffness of 9"
+sed -e 's/cos(q)/(1 - q^2\/2)/' "$folder/beside.yaml" >"$folder/lacks.yaml"
+succeed "without: they stay" fit "$folder/lacks.yaml" --data "$folder/swing.h5" -o "$folder/lacks"
+
 # --- a model that cannot follow is called unfit, after other starts, and a black box that can is named ---
 sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"
 expect 13 "worse than the mean of the measurements" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"

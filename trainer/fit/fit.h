@@ -58,6 +58,9 @@ typedef struct pm_fit_measured {
     // starts [nstart] of all windows; f->theta has its weights.
     double point[PM_FIT_MEASURED_POINT], *point_noise, *point_gap, *point_start;
     int nstart;
+    // [size] 1: weights that a network beside a formula is linear in, 2: its other weights; 0: all
+    // other weights.
+    unsigned char *beside;
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
     int longest;        // samples of the longest track
     long used, samples; // number of samples that the fit uses, and of all samples

@@ -29,6 +29,9 @@
 #define SHORTEST_PIECE 4   // lengths of the first windows
 #define BANDS_SHARE 0.33   // of the work of the fit, which the calibration may take
 #define WIDER 2.0          // deviation of the start of a piece, in that of all pieces
+#define HELD_REACH 1e-3    // of the weights of a network that is held at zero
+#define FAINT 0.1          // of a draw: a factor of M beside a formula, which cannot begin at zero
+#define BETTER 0.95        // error of unseen pieces, times that without networks beside formulas
 #define LEAST_COVERAGE 0.7 // of bands of 90 %, in a good fit
 #define NORMAL 1.644854    // half the width of a band of 90 %, in deviations
 #define MOST_REPORTED 8    // trajectories whose starts the report estimates
@@ -39,6 +42,10 @@
 #define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
 #define EQUAL 1e-6          // relative difference of times that count as equal
+
+// The phases of a fit with networks beside formulas (pm_fit_position.finer): formulas alone, with
+// the networks, and formulas alone again, if unseen pieces were not predicted better.
+enum { WITHOUT_NETWORKS, WITH_NETWORKS, WITHOUT_AGAIN };
 
 // --- loading ---
 
@@ -231,6 +238,10 @@ static void draw(void *context, int id, double *theta) {
     pm_fit *f = context;
     pm_trained_scatter(f->training->system, f->declared);
     pm_start_draw(f->training, id + f->position.attempt * f->training->tries, theta);
+    for (int i = 0; i < f->size && f->position.finer != WITH_NETWORKS; ++i) {
+        theta[i] = f->measured.beside[i] == 1 ? f->declared[i] : theta[i];
+    }
+    pm_trained_scatter(f->training->system, theta);
 }
 
 // Whether the initial weights are chosen by short fits to windows (shooting/window_draws.h), or by
@@ -398,7 +409,9 @@ static pm_status divide(divided_fit *d, const pm_fit *f, const pm_shooting *s, i
     return PM_OK;
 }
 
-static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {
+// Finds the covariance of the weights and calibrates the bands. If `final`, it prints and saves
+// them.
+static pm_status find_uncertainty(pm_fit *f, pm_shooting *s, bool final) {
     const pm_fit_measured *m = &f->measured;
     const int ntrack = s->tracks->count;
     pm_uncertainty u = {0};
@@ -440,9 +453,11 @@ static pm_status find_uncertainty(pm_fit *f, pm_shooting *s) {
         how.nheld = 0;
     }
     PM_TRY_DONE(pm_calibration_make(&u, divides ? &d.shooting : s, &how));
-    pm_uncertainty_print(&u, s);
-    PM_TRY_DONE(pm_identifiability_print(&u, s));
-    status = pm_uncertainty_save(&u, f->arguments->output);
+    if (final) {
+        pm_uncertainty_print(&u, s);
+        PM_TRY_DONE(pm_identifiability_print(&u, s));
+        status = pm_uncertainty_save(&u, f->arguments->output);
+    }
 done:
     pm_shooting_close(&d.shooting);
     pm_tracks_free(&d.tracks);
@@ -456,6 +471,9 @@ done:
 // and outputs have deviations of about 1; logarithms of positive constants; other learned
 // constants, which have units, so that little is known of them; and temperatures, since coupled
 // bodies leave a common factor of them nearly free.
+//
+// Also marks the weights of networks beside formulas with learned constants, in the same energy or
+// the same operator. Until WITH_NETWORKS they stay where they are.
 static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
     size_t at = 0;
     memcpy(terms->first_weight, f->declared, (size_t)f->size * sizeof *terms->first_weight);
@@ -463,12 +481,21 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
         const pm_system *system = f->training->system;
         const int nsubsystem = system->scene->physics.nsubsystem;
         const pm_params *params = pm_system_params(f->training->system, i);
-        const pm_constants *known = i < nsubsystem ? system->part[i]->spec.constants
-                                                   : system->port[i - nsubsystem]->spec.constants;
+        const pm_part_spec *part = i < nsubsystem ? &system->part[i]->spec : NULL;
+        const pm_port_spec *port = part == NULL ? &system->port[i - nsubsystem]->spec : NULL;
+        const pm_constants *known = part != NULL ? part->constants : port->constants;
+        const pm_operator_spec *M = part != NULL ? &part->irreversible : &port->irreversible;
+        const bool learns = known != NULL && known->learned != NULL;
+        const bool energy = learns && part != NULL && part->energy.nformula > 0;
+        const bool friction = learns && M->ngiven > 0 && M->learned;
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
             const char *end = strrchr(entry->name, '.');
             const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+            const bool beside = (energy && strncmp(entry->name, "energy.", 7) == 0) ||
+                                (friction && strncmp(entry->name, "irreversible.matrix.", 20) == 0);
+            const bool linear = beside && strstr(entry->name, ".layer") == NULL;
+            const bool held = linear && f->position.finer != WITH_NETWORKS;
             bool positive = false;
             for (int j = 0; constant && known != NULL && known->learned != NULL && j < known->count;
                  ++j) {
@@ -477,7 +504,9 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
             }
             const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
+                f->measured.beside[at] = linear ? 1 : beside ? 2 : 0;
                 terms->reach[at] = positive    ? PM_SHOOTING_REACH
+                                   : held      ? HELD_REACH
                                    : constant  ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
                                    : amplitude ? TEMPERATURE_REACH
                                                : NETWORK_REACH;
@@ -485,6 +514,31 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
             }
         }
     }
+}
+
+// Begins the next phase, with networks beside formulas or without them. f->moment keeps the weights
+// of the first one.
+static void begin_phase(pm_fit *f, pm_shooting *s, int phase) {
+    pm_fit_position *p = &f->position;
+    if (phase == WITH_NETWORKS) {
+        pm_shooting_weights(s, f->moment);
+    }
+    p->finer = phase;
+    p->attempt = 0;
+    p->loss = 0;
+    draw(f, 0, f->theta);
+    for (int i = 0; i < f->size; ++i) {
+        const double drawn = f->theta[i] - f->declared[i];
+        const bool joins = f->measured.beside[i] == 1 && phase == WITH_NETWORKS;
+        f->theta[i] = joins                        ? f->declared[i] + FAINT * drawn
+                      : f->measured.beside[i] == 2 ? f->theta[i]
+                                                   : f->moment[i];
+    }
+    pm_trained_scatter(f->training->system, f->theta);
+    f->measured.point[0] = PM_CONTINUATION_NONE;
+    pm_shooting_clear(s);
+    memset(s->terms.later, 0, (size_t)s->nz * sizeof *s->terms.later);
+    set_reaches(f, &s->terms);
 }
 
 // Trains from the start of the present attempt, or from where it was interrupted. *end is where the
@@ -496,7 +550,8 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
     pm_shooting_set_substeps(s, substeps);
     // Short fits choose the initial weights, if these are random, so that draws differ.
     if (m->point[0] == PM_CONTINUATION_NONE && f->position.attempt < MOST_ATTEMPTS) {
-        if (random && searches_windows(f)) {
+        const bool drawn = f->position.finer == WITHOUT_NETWORKS || f->position.attempt > 0;
+        if (random && drawn && searches_windows(f)) {
             const pm_shooting_search search = {.tries = f->training->tries,
                                                .iterations = f->training->try_iterations,
                                                .length = SEARCHED * pm_continuation_first_length(s),
@@ -614,9 +669,49 @@ static pm_status run(pm_fit *f) {
     for (int c = 0; c < shooting.nz; ++c) {
         shooting.terms.prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
     }
+    f->measured.beside = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
+    PM_TRY_DONE(pm_arena_status(&f->arena, "networks beside formulas"));
     set_reaches(f, &shooting.terms);
-    PM_TRY_DONE(try_starts(f, &shooting, &continuation, loss->substeps));
-    status = find_uncertainty(f, &shooting);
+    for (int i = 0; i < f->size && f->position.finer == WITHOUT_NETWORKS; ++i) {
+        f->theta[i] = m->beside[i] == 1 ? f->declared[i] : f->theta[i];
+    }
+    pm_trained_scatter(f->training->system, f->theta);
+    for (bool over = false; !over;) {
+        PM_TRY_DONE(try_starts(f, &shooting, &continuation, loss->substeps));
+        const int phase = f->position.finer;
+        over = memchr(m->beside, 1, (size_t)f->size + 1) == NULL || phase == WITHOUT_AGAIN;
+        if (over) {
+            break;
+        }
+        // Networks beside formulas stay only if pieces that the fit has not seen are predicted
+        // better with them.
+        PM_TRY_DONE(find_uncertainty(f, &shooting, false));
+        double error = 0;
+        for (int c = 0; c < shooting.ny; ++c) {
+            error += log(m->left_out[c]) / shooting.ny;
+        }
+        if (phase == WITHOUT_NETWORKS) {
+            f->position.robust = exp(error);
+            begin_phase(f, &shooting, WITH_NETWORKS);
+            continue;
+        }
+        const double before = f->position.robust;
+        over = exp(error) < BETTER * before || isnan(error) || isnan(before);
+        printf(
+            "networks beside formulas: unseen pieces are predicted to %.3g %% with them, to %.3g "
+            "%% without: they %s\n",
+            100 * exp(error), 100 * before, over ? "stay" : "are left out");
+        if (!over) {
+            begin_phase(f, &shooting, WITHOUT_AGAIN);
+        }
+    }
+    pm_shooting_weights(&shooting, f->theta);
+    for (int i = 0; i < f->size; ++i) { // what is left out vanishes
+        const bool out = m->beside[i] == 1 && f->position.finer == WITHOUT_AGAIN;
+        f->theta[i] = out ? f->declared[i] : f->theta[i];
+    }
+    pm_shooting_set_weights(&shooting, f->theta);
+    status = find_uncertainty(f, &shooting, true);
 done:
     pm_shooting_close(&shooting);
     pm_tracks_free(&tracks);

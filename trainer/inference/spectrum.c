@@ -24,6 +24,8 @@
 #define MATCHED 0.1     // part of an effect below which other weights make up for most of it
 #define UNCERTAIN 0.05  // relative error of temperatures, beyond which they are hardly determined
 #define MOST_MATCHING 3 // blocks of weights that are named
+#define LEARNED 1e-2    // squared residual, above which a model says nothing about the data
+#define MOST_COUPLED 48 // weights of a coupling that is examined
 
 // A block of weights, and the number of flat directions that it accounts for.
 typedef struct block {
@@ -64,20 +66,81 @@ static void report_flat(int n, double *h, int nblock, block *list, double *value
     fputc('\n', out);
 }
 
+// Says which ports have a learned reversible coupling without which the residuals would not be
+// larger, once all other weights have made up for it as far as they can. `square` is the mean
+// square of the residuals, `size` [n] the change of the residuals by each weight, h [n][n] the
+// matrix, scaled to a unit diagonal, which is overwritten, as `column` [n][MOST_COUPLED] is.
+static void report_needless(pm_objective *objective, double square, const double *size, int nblock,
+                            const pm_trained *trained, double *h, double *column, FILE *out) {
+    const pm_system *system = pm_objective_context(objective).system;
+    const ptrdiff_t n = pm_objective_size(objective);
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        h[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
+    }
+    if (!pm_cholesky_factor((int)n, h)) {
+        return;
+    }
+    for (int port = system->scene->physics.nsubsystem; port < pm_system_components(system);
+         ++port) {
+        int index[MOST_COUPLED];
+        double step[MOST_COUPLED], inverse[MOST_COUPLED * MOST_COUPLED], sum = 0;
+        int m = 0;
+        for (int b = 0; b < nblock; ++b) {
+            // The coupling is linear in these weights, so that it vanishes with them.
+            const char *name = trained[b].entry->name;
+            const bool linear =
+                strncmp(name, "reversible.matrix.", 18) == 0 && strstr(name, ".layer") == NULL;
+            for (int k = 0; linear && trained[b].component == port && k < trained[b].size; ++k) {
+                if (m < MOST_COUPLED) {
+                    index[m] = trained[b].first + k;
+                    step[m] = trained[b].entry->value[k] * size[index[m]];
+                }
+                ++m;
+            }
+        }
+        if (m == 0 || m > MOST_COUPLED) {
+            continue;
+        }
+        // The block of the inverse matrix that belongs to these weights: its inverse is the matrix
+        // of them alone, after elimination of all others.
+        memset(column, 0, (size_t)(n * m) * sizeof *column);
+        for (int k = 0; k < m; ++k) {
+            column[(ptrdiff_t)index[k] * m + k] = 1;
+        }
+        pm_cholesky_back((int)n, h, m, column);
+        double rest[MOST_COUPLED];
+        for (int k = 0; k < m; ++k) {
+            rest[k] = step[k];
+            memcpy(inverse + (ptrdiff_t)k * m, column + (ptrdiff_t)index[k] * m,
+                   (size_t)m * sizeof *column);
+        }
+        if (!pm_cholesky_solve(m, inverse, rest)) {
+            continue;
+        }
+        for (int k = 0; k < m; ++k) {
+            sum += rest[k] * step[k];
+        }
+        if (sum >= 0 && sum < square && square < LEARNED) {
+            fprintf(out,
+                    "%s: the data do not need its learned reversible coupling: without it the "
+                    "residuals would change by %.1e, and they are %.1e\n",
+                    pm_trained_name(system, port), sqrt(sum), sqrt(square));
+        }
+    }
+}
+
 // Says whether other weights can make up for a change of all temperatures. `effect` is the change
 // of the residuals by the weight `warmth`. h [n][n] is the matrix, scaled to a unit diagonal, and
 // is overwritten, as value [n] is.
-static void report_temperatures(pm_objective *objective, double effect, int warmth, int nblock,
-                                block *list, double *h, double *value, FILE *out) {
+static void report_temperatures(pm_objective *objective, double median, double effect, int warmth,
+                                int nblock, block *list, double *h, double *value, FILE *out) {
     const int n = pm_objective_size(objective);
-    double median = 0, mean = 0;
     memset(value, 0, (size_t)n * sizeof *value);
     for (ptrdiff_t i = 0; i < n; ++i) {
         h[i * (n + 1)] += NEGLIGIBLE * NEGLIGIBLE;
     }
     value[warmth] = 1;
-    if (!pm_cholesky_solve(n, h, value) || !(value[warmth] > 0) ||
-        pm_objective_residuals(objective, &median, &mean) != PM_OK) {
+    if (!pm_cholesky_solve(n, h, value) || !(value[warmth] > 0)) {
         return;
     }
     // The part of the effect that is left if all other weights change so as to make up for it, as
@@ -166,9 +229,18 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
         fprintf(out, "temperatures: all higher by 1 %% would change the residuals by %.1e\n",
                 WARMER * gradient[warmth]);
     }
+    double median = 0, mean = 0;
+    PM_TRY(pm_objective_residuals(objective, &median, &mean));
+    if (n <= MOST_DECOMPOSED) {
+        memcpy(vector, hessian, square * sizeof *vector);
+        double *column = pm_arena_array(arena, size * MOST_COUPLED, sizeof *column);
+        PM_TRY(pm_arena_status(arena, "a spectrum"));
+        report_needless(objective, mean, gradient, nblock, trained, vector, column, out);
+    }
     if (warmth >= 0 && n <= MOST_DECOMPOSED) {
         memcpy(vector, hessian, square * sizeof *vector);
-        report_temperatures(objective, gradient[warmth], warmth, nblock, list, vector, value, out);
+        report_temperatures(objective, median, gradient[warmth], warmth, nblock, list, vector,
+                            value, out);
     }
     if (n <= MOST_DECOMPOSED) {
         report_flat(n, hessian, nblock, list, value, vector, out);

@@ -561,10 +561,12 @@ static void write_learned(const port_draft *p, const pm_port_view *view, bool gi
     for (int i = 0; i < view->count && !given; ++i) {
         paired[0][view->pair[i].a] = paired[1][view->pair[i].b] = true;
     }
-    fprintf(p->f, view->carries
-                      ? "      # In the data a current carries entropy from one end to the other.\n"
-                      : "      # In the data, rates of one end follow variables of the other end. "
-                        "The strength is learned.\n");
+    fprintf(p->f,
+            view->carries
+                ? "      # A current may carry entropy from one end to the other; fit says so if "
+                  "the data do not need it.\n"
+                : "      # In the data, rates of one end follow variables of the other end. "
+                  "The strength is learned.\n");
     for (int k = 0; k < (view->carries ? 3 : 2); ++k) {
         list l = open_list(p->f, before[k]);
         for (int end = 0; end < 2; ++end) {
@@ -669,7 +671,9 @@ static void write_port_irreversible(const port_draft *p) {
     // sufficient number, fits end in poor minima.
     const int rank = lossy + (heats > 1 ? heats - 1 : 0);
     if (heats == 0 || rank == 0) {
-        fprintf(p->f, "    # No heat passes through this port, since it exposes no entropy.\n");
+        if (lossy > 0) {
+            fprintf(p->f, "    # Nothing takes up heat here, since the port exposes no entropy.\n");
+        }
         return;
     }
     list l = open_list(p->f, "    irreversible: {learned: {acts_on: ");
