@@ -166,6 +166,14 @@ grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit besid
 sed -e 's/cos(q)/(1 - q^2\/2)/' "$folder/beside.yaml" >"$folder/lacks.yaml"
 succeed "without: they stay" fit "$folder/lacks.yaml" --data "$folder/swing.h5" -o "$folder/lacks"
 
+# --- scales of networks follow the fitted trajectories, not the deviation of a start ---
+sed 's/deviation: 5.0/deviation: 0.1/' "$folder/pendulum.yaml" >"$folder/still.yaml"
+sed -e 's/scene: pendulum/scene: still/' -e '/useless:/d' -e '/viscous:/d' -e 's/ + useless//' \
+    -e 's/irreversible: .*/irreversible: {learned: {acts_on: [p], features: ["|p|"], hidden: [4], heats: [s]}}/' \
+    "$folder/training.yaml" >"$folder/moves.yaml"
+succeed "arm.p moves by" fit "$folder/moves.yaml" --data "$folder/swing.h5" -o "$folder/moves"
+grep -qE "^Verdict: (good|fair)" "$folder/out" || fail "fit: scales should follow the fitted trajectories"
+
 # --- a model that cannot follow is called unfit, after other starts, and a black box that can is named ---
 sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"
 expect 13 "worse than the mean of the measurements" fit "$folder/poor.yaml" --data "$folder/swing.h5" -o "$folder/poor"

@@ -28,7 +28,7 @@ typedef struct pm_fit_arguments {
 #define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
 #define PM_FIT_BLACK_BOX_SHARE 0.1      // of the CPU time of the fit, for a black box beside
 #define PM_FIT_BLACK_BOX_LEAST 0.05     // s of it at least
-#define PM_FIT_MOST_EXTRA 4
+#define PM_FIT_MOST_EXTRA 5
 
 // The position of a fit in its stages.
 typedef struct pm_fit_position {
@@ -58,6 +58,8 @@ typedef struct pm_fit_measured {
     // starts [nstart] of all windows; f->theta has its weights.
     double point[PM_FIT_MEASURED_POINT], *point_noise, *point_gap, *point_start;
     int nstart;
+    // [nz] by how much hidden components move, in deviations of their starts; 0: as the scene says.
+    double *moved;
     // [size] 1: weights that a network beside a formula is linear in, 2: its other weights; 0: all
     // other weights.
     unsigned char *beside;

@@ -8,6 +8,7 @@
 #include "data/trained.h"
 #include "data/unit_change.h"
 #include "fit/fit.h"
+#include "fit/normalization.h"
 #include "fit/start.h"
 #include "inference/black_box.h"
 #include "inference/calibration.h"
@@ -26,9 +27,12 @@
 // Records are divided into pieces for the calibration of bands if they are fewer than this.
 #define FEWEST_RECORDS 4
 #define PIECES 5
-#define SHORTEST_PIECE 4   // lengths of the first windows
-#define BANDS_SHARE 0.33   // of the work of the fit, which the calibration may take
-#define WIDER 2.0          // deviation of the start of a piece, in that of all pieces
+#define SHORTEST_PIECE 4 // lengths of the first windows
+#define BANDS_SHARE 0.33 // of the work of the fit, which the calibration may take
+#define WIDER 2.0        // deviation of the start of a piece, in that of all pieces
+// Scales of models follow fitted trajectories where hidden components move further than this, in
+// deviations of their starts.
+#define FURTHER 3.0
 #define HELD_REACH 1e-3    // of the weights of a network that is held at zero
 #define FAINT 0.1          // of a draw: a factor of M beside a formula, which cannot begin at zero
 #define BETTER 0.95        // error of unseen pieces, times that without networks beside formulas
@@ -180,6 +184,7 @@ static pm_status load(pm_fit *f) {
     m->point_gap = pm_arena_array(&f->arena, 2 * nz, sizeof *m->point_gap);
     m->point_start = pm_arena_array(&f->arena, (size_t)m->nstart, sizeof *m->point_start);
     m->point_noise = pm_arena_array(&f->arena, ny, sizeof *m->point_noise);
+    m->moved = pm_arena_array(&f->arena, nz, sizeof *m->moved);
     m->left_out = pm_arena_array(&f->arena, ny, sizeof *m->left_out);
     PM_TRY(pm_arena_status(&f->arena, "measurements"));
     // Assigns the noise of the training file to columns.
@@ -200,7 +205,8 @@ static pm_status load(pm_fit *f) {
     f->extra[1] = (pm_checkpoint_field){"noise", m->observation.count, m->point_noise};
     f->extra[2] = (pm_checkpoint_field){"gaps", 2 * (int)nz, m->point_gap};
     f->extra[3] = (pm_checkpoint_field){"starts", m->nstart, m->point_start};
-    f->nextra = 4;
+    f->extra[4] = (pm_checkpoint_field){"moved", (int)nz, m->moved};
+    f->nextra = 5;
     pm_fit_measured *measured = &f->measured;
     int *all = pm_arena_array(&f->arena, (size_t)measured->data->ntrajectory, sizeof *all);
     pm_tracks tracks;
@@ -578,6 +584,54 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
     return pm_continuation_run(s, continuation, end);
 }
 
+// Lets the hidden components of the states that fix the scales of models vary by m->moved, and
+// fixes the scales again.
+static pm_status follow_moves(pm_fit *f) {
+    const pm_fit_measured *m = &f->measured;
+    const pm_dataset *d = f->dataset;
+    for (int c = 0; c < f->training->scene->physics.nz; ++c) { // columns are those of components
+        for (long k = 0; m->moved[c] > 0 && k < (long)d->ntrajectory * d->ntime; ++k) {
+            double *x = d->z + k * d->ncolumn + c;
+            *x = m->observation.guess[c] + (*x - m->observation.guess[c]) * m->moved[c];
+        }
+    }
+    pm_samples samples;
+    PM_TRY(pm_samples_make(&samples, f->training->scene, f->dataset, 0, f->split.ntraining,
+                           PM_RESIDUAL_STEP, 1, 1));
+    const pm_status status =
+        pm_normalization_of_system(f->training->system, &samples, f->training->plain);
+    pm_samples_free(&samples);
+    return status;
+}
+
+// Finds hidden components that move much further than their starts are uncertain. Returns whether
+// there are any, and writes m->moved.
+static bool find_moves(pm_fit *f, const pm_shooting *s) {
+    bool any = false;
+    for (int c = 0; c < s->nz; ++c) {
+        double square = 0;
+        long n = 0;
+        for (int i = 0; i < s->tracks->count; ++i) {
+            for (int k = 0; k < s->tracks->track[i].count; ++k, ++n) {
+                const double away =
+                    s->state[i][(ptrdiff_t)k * s->nz + c] - s->observation->guess[c];
+                square += away * away;
+            }
+        }
+        const double own = sqrt(square / (double)n) / s->observation->deviation[c];
+        const bool further = s->observation->hidden[c] && isfinite(own) && own > FURTHER;
+        f->measured.moved[c] = further ? own : 0;
+        any = any || further;
+        if (further) {
+            printf("%s moves by %.3g, and its start has a deviation of %.3g: scales of networks "
+                   "follow, and the fit begins again\n",
+                   s->observation->component_name[c], own * s->observation->deviation[c],
+                   s->observation->deviation[c]);
+        }
+    }
+    return any;
+}
+
 // Trains, and tries other starts where the first one does not lead to a model.
 static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continuation,
                             int substeps) {
@@ -610,6 +664,22 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         const double stopped = end.length < longest ? 1 - end.length / (double)longest : 0;
         residual += stopped;
         const bool last = p->attempt == MOST_ATTEMPTS;
+        bool known = f->training->plain || s->nweight == 0;
+        for (int c = 0; c < s->nz; ++c) {
+            known = known || f->measured.moved[c] > 0;
+        }
+        double *drawn = f->moment + f->size; // room that no optimiser of this fit needs
+        draw(f, 0, drawn);
+        const bool random = memcmp(drawn, f->declared, (size_t)f->size * sizeof *drawn) != 0;
+        pm_shooting_set_weights(s, s->theta);
+        if (status == PM_OK && !known && random && p->attempt == 0 && find_moves(f, s)) {
+            PM_TRY(follow_moves(f));
+            draw(f, 0, f->theta);
+            f->measured.point[0] = PM_CONTINUATION_NONE;
+            pm_shooting_clear(s);
+            memset(s->terms.later, 0, (size_t)s->nz * sizeof *s->terms.later);
+            continue;
+        }
         if (isfinite(residual) && (p->loss == 0 || residual < p->loss)) {
             pm_shooting_weights(s, f->best);
             p->loss = residual;
@@ -672,6 +742,12 @@ static pm_status run(pm_fit *f) {
     f->measured.beside = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
     PM_TRY_DONE(pm_arena_status(&f->arena, "networks beside formulas"));
     set_reaches(f, &shooting.terms);
+    for (int c = 0; c < shooting.nz; ++c) {
+        if (m->moved[c] > 0) { // resumed
+            PM_TRY_DONE(follow_moves(f));
+            break;
+        }
+    }
     for (int i = 0; i < f->size && f->position.finer == WITHOUT_NETWORKS; ++i) {
         f->theta[i] = m->beside[i] == 1 ? f->declared[i] : f->theta[i];
     }
@@ -826,7 +902,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     double *black = pm_arena_array(&arena, (size_t)ny, sizeof *black);
     double *deviation = pm_arena_array(&arena, (size_t)ny, sizeof *deviation);
     bool finite = true, known = false;
-    double worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
+    double taken = 0, worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
     char text[200];
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&arena, "a report"));
@@ -843,8 +919,10 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         status = pm_fail(PM_EUNFIT, "the %s part cannot be predicted: %s", where, pm_error());
     }
     PM_TRY_DONE(status);
+    taken = pm_fit_processor_time(f);
     status = run_black_box(f, &e, which, seconds, black, deviation, &box);
     PM_TRY_DONE(status == PM_EDATA ? PM_OK : status); // too few samples for any
+    taken = pm_fit_processor_time(f) - taken;
     printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
            "column's deviation: median and largest; left out of the fit; black box\n",
            where, seconds);
@@ -870,7 +948,8 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         least = inside < least ? inside : least;
     }
     if (box.tried > 0) {
-        printf("Black box: %s, a regression without structure, trained beside.\n", box.name);
+        printf("Black box: %s, a regression without structure, in %.2g s of CPU.\n", box.name,
+               taken);
     }
     if (!finite || own > 0) {
         const char *what = finite ? "worse than the mean of the measurements" : "not finite";

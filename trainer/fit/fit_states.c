@@ -356,6 +356,7 @@ typedef struct fit_report {
     const pm_measure *black_box; // or NULL
     pm_measure regression;       // the black box, if none was given
     char regression_name[80];
+    double regression_seconds; // of CPU
 } fit_report;
 
 // --- the table ---
@@ -557,10 +558,12 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
         const int first = r.judged == &r.validation ? ntraining : 0;
         const double seconds =
             fmax(PM_FIT_BLACK_BOX_SHARE * pm_fit_processor_time(fit), PM_FIT_BLACK_BOX_LEAST);
+        const double before = pm_fit_processor_time(fit);
         PM_TRY_DONE(pm_measure_black_box(&r.regression, fit->training->system, fit->dataset,
                                          ntraining, first, first + r.judged->evaluation->count,
                                          seconds, r.regression_name));
         r.black_box = r.regression.evaluation != NULL ? &r.regression : NULL;
+        r.regression_seconds = pm_fit_processor_time(fit) - before;
     }
     const pm_fit *f = r.fit;
     print_cells(&r);
@@ -569,8 +572,8 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
                r.training.evaluation->count, r.validation.evaluation->count, f->dataset->ntime);
     }
     if (r.regression.evaluation != NULL) {
-        printf("Black box: %s, a regression without structure, trained beside.\n",
-               r.regression_name);
+        printf("Black box: %s, a regression without structure, in %.2g s of CPU.\n",
+               r.regression_name, r.regression_seconds);
     }
     print_production("training", &r.training);
     if (r.validation.evaluation != NULL) {

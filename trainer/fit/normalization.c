@@ -385,7 +385,10 @@ done:
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain) {
     pm_magnitudes magnitudes = {.scene = system->scene};
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
-        PM_TRY(pm_training_range_declare(system->part[i]));
+        if (pm_training_range_of(system->part[i]).low == NULL) {
+            PM_TRY(pm_training_range_declare(system->part[i]));
+        }
+        pm_training_range_clear(system->part[i]);
         for (int k = 0; k < samples->count; ++k) {
             const double *z = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
             pm_training_range_widen(system->part[i], z + system->scene->physics.subsystem[i].first);
