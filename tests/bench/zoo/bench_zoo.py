@@ -31,6 +31,7 @@ VERDICT = re.compile(r"Verdict: (\w+)")
 COLUMNS = ["seed", "number", "kind", "form", "variables", "parts", "inputs", "hidden", "growth", "error", "worst", "worst_group",
            "black_box", "black_box_worst", "production", "temperature", "verdict", "wrong", "ended", "cpu", "black_box_cpu", "problem"]
 GOOD_ERROR, GOOD_PRODUCTION, BAD_ERROR = 5.0, 10.0, 1.0  # percent: what makes a verdict wrong
+NICE = 15
 GRACE = 30.0  # seconds of CPU between the request to stop and the end
 
 
@@ -40,7 +41,7 @@ def run(command, log, budget, folder):
     with open(log, "a") as out:
         print("$", *command, file=out, flush=True)
         child = subprocess.Popen([str(x) for x in command], stdout=out, stderr=subprocess.STDOUT, cwd=folder,
-                                 preexec_fn=lambda: os.nice(15))
+                                 preexec_fn=lambda: os.nice(NICE))
         stopped = False
         while True:
             pid, status, usage = os.wait4(child.pid, os.WNOHANG)
@@ -88,7 +89,10 @@ def errors_of(predicted, true, groups):
 
 
 def words(text):
-    return text.decode() if isinstance(text, bytes) else text
+    """An attribute as one text, names separated by blanks."""
+    if isinstance(text, np.ndarray):
+        return " ".join(words(x) for x in text)
+    return text.decode() if isinstance(text, bytes) else str(text)
 
 
 def complete_columns(folder):
@@ -239,7 +243,8 @@ def logger(train, folder, budget, black_box):
     import h5py
     out, log = {"cpu": 0.0}, folder / "log"
     log.unlink(missing_ok=True)
-    arguments = (folder / "arguments").read_text().split("\n")[:-1]
+    pairs = iter((folder / "arguments").read_text().split("\n")[:-1])
+    arguments = [x for option, value in zip(pairs, pairs) if trainer_takes(train, "propose", option) for x in (option, value)]
     names, values = read_tables(folder, "test_*.csv")
     inputs = json.loads((folder / "report.json").read_text())["input_names"]
     outputs = [k + 1 for k, name in enumerate(names) if name not in inputs]

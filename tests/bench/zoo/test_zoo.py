@@ -4,6 +4,7 @@
 - A system of either form fulfils both laws, and its truth agrees with SciPy's Radau.
 - The same seed gives the same files.
 - The check of the laws fails where one is broken.
+- Scores, wrong verdicts and the black box of tables are those of known cases.
 - The bench proposes, fits and scores a tiny system, with a black box beside it.
 """
 import csv
@@ -58,6 +59,25 @@ def repeats(folder):
     assert header.startswith("t [s],") and header.count("[") == header.count(",") + 1, header
 
 
+def scores():
+    rng = np.random.default_rng(1)
+    true = rng.normal(size=(3, 50, 2))
+    spread = np.sqrt(np.mean((true[:, :, :1] - true[:, :, :1].mean(1, keepdims=True)) ** 2, axis=(1, 2)))
+    predicted = true.copy()
+    predicted[:, :, 0] += 0.1 * spread[:, None]
+    found, median = bench_zoo.errors_of(predicted, true, {"a": [0], "b": [1]})
+    assert abs(found["a"] - 10) < 1e-9 and found["b"] == 0 and abs(median - 5) < 1e-9, (found, median)
+    wrong = [bench_zoo.is_wrong({"verdict": v, "error": e, "production": p})
+             for v, e, p in (("good", 6, 1), ("good", 1, 20), ("good", 1, np.nan), ("UNFIT", 0.5, 1), ("poor", 2, 1), ("fair", 50, 50))]
+    assert wrong == [True, True, False, True, False, False], wrong
+    y, u = np.zeros((12, 60, 2)), np.repeat(rng.normal(size=(12, 12, 1)), 5, axis=1)
+    y[:, 0] = rng.normal(size=(12, 2))
+    for t in range(59):  # an oscillator under a held input
+        y[:, t + 1] = y[:, t] @ np.array([[0.98, -0.15], [0.15, 0.97]]) + 0.1 * u[:, t]
+    free = bench_zoo.narx.predict(y[:10], u[:10], y[10:], u[10:], 4)
+    assert np.max(np.abs(free - y[10:])) < 1e-3, "the black box misses a linear system"
+
+
 def bench_runs(train, folder):
     command = [sys.executable, HERE / "bench_zoo.py", "--seed", "1", "--first", "1", "--count", "1", "--kind", "heat", "--ntrain", "10", "--ntest", "2",
                "--nstate", "25", "--budget", "1", "--train", train, "-o", folder / "bench"]
@@ -73,10 +93,11 @@ def bench_runs(train, folder):
 def main():
     agrees_with_radau()
     breaks_laws()
+    scores()
     with tempfile.TemporaryDirectory() as folder:
         repeats(pathlib.Path(folder))
         bench_runs(pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(folder))
-    print("4 passed, 0 failed")
+    print("5 passed, 0 failed")
 
 
 if __name__ == "__main__":
