@@ -45,7 +45,8 @@ def add_inputs(b, logger):
             rate = law.capacity / b.tau
             places.append(Input("Tout", "degC" if logger and b.celsius else "K", 1.0, "bath", i, rate / d.log(3, 30), d.uniform(285, 305), 8.0))
             if logger:
-                places.append(Input("P", "W", 1.0, "power", i, 1.0, rate * d.uniform(0.2, 0.6), rate * d.uniform(0.2, 0.6)))
+                power = rate * d.uniform(0.2, 0.6)  # never negative: a heater
+                places.append(Input("P", "W", 1.0, "power", i, 1.0, power, power))
         places = [x for x in places if x.into not in [y.into for y in s.inputs] and x.name not in [y.name for y in s.inputs]]
         if places:
             s.inputs.append(d.one(places))
