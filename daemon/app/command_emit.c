@@ -15,6 +15,7 @@
 
 #include "app/command.h"
 #include "app/connect.h"
+#include "base/files.h"
 #include "base/options.h"
 #include "base/template.h"
 
@@ -177,10 +178,8 @@ static pm_status write_text(emission *e, const char *path, const char *const *li
                             const char *host) {
     const int nprocess = e->scene->network.nprocess;
     PM_TRY(pm_arena_status(&e->arena, "the texts of scene %s", e->scene->name));
-    FILE *file = path == NULL ? stdout : fopen(path, "w");
-    if (file == NULL) {
-        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-    }
+    FILE *file = stdout;
+    PM_TRY(path == NULL ? PM_OK : pm_files_create(&file, path));
     if (i >= 0) {
         write_lines(e, file, line, INT_MAX, i, host);
     }

@@ -277,14 +277,9 @@ bool pm_status_requested(void) {
     return taken;
 }
 
-pm_status pm_observer_check_recording(const pm_setup *setup, const pm_run_options *options) {
+pm_status pm_observer_check_recording(const pm_run_options *options) {
     if (options->record == NULL) {
         return PM_OK;
-    }
-    const char *input = pm_setup_input(setup, options->record);
-    if (input != NULL) {
-        return pm_fail(PM_EUSAGE, "--record %s: the run reads this file (%s)", options->record,
-                       input);
     }
     return pm_recording_check(options->record, options->overwrite);
 }
@@ -308,7 +303,7 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
         report->score = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof *report->score);
     }
     PM_TRY(pm_arena_status(arena, "report"));
-    return pm_observer_check_recording(setup, options);
+    return pm_observer_check_recording(options);
 }
 
 // Passes on the status of the recording, unless the scene wants the run to go on without it.

@@ -33,7 +33,7 @@ typedef struct pm_observer {
 // Checks that the recording, if one is wanted, can be made. It must not replace a file that the run
 // reads. It may replace an older recording, and any other file only if the options allow it.
 // PM_EUSAGE, PM_EFILE.
-pm_status pm_observer_check_recording(const pm_setup *setup, const pm_run_options *options);
+pm_status pm_observer_check_recording(const pm_run_options *options);
 
 // Opens an observer and checks its recording (pm_observer_check_recording). The recording is made
 // when the first sample arrives, so that a run that never begins does not destroy an older file.

@@ -49,7 +49,7 @@ static pm_status start_all(pm_launch *launch, shared *s) {
     // checked here, since each new coordinator replaces what the one before has left of it.
     PM_TRY(pm_snapshot_session(checkpoint, s->setup->system->digest, &s->options.session, &found));
     if (!found) {
-        PM_TRY(pm_observer_check_recording(s->setup, &s->options));
+        PM_TRY(pm_observer_check_recording(&s->options));
         s->options.session = pm_lockstep_session();
     }
     s->options.overwrite = true;

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "base/child.h"
+#include "base/files.h"
 #include "base/template.h"
 #include "base/unit.h"
 #include "export/archive.h"
@@ -353,10 +354,8 @@ static pm_status compile(fmu_writer *w, bool *compiled) {
 }
 
 static pm_status write_archive(fmu_writer *w, const char *path, bool *compiled) {
-    FILE *file = fopen(path, "wb");
-    if (file == NULL) {
-        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-    }
+    FILE *file = NULL;
+    PM_TRY(pm_files_create(&file, path));
     w->archive = (pm_archive){.file = file, .arena = w->arena};
     pm_status status = pack_all(w);
     if (status == PM_OK) {

@@ -13,6 +13,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "base/files.h"
 #include "base/template.h"
 #include "graph/source.h"
 #include "library/names.h"
@@ -522,10 +523,8 @@ static pm_status write_file(scene_writer *w, const char *folder, const char *suf
                             const char *const *text, int nvalue, const pm_template_value *value) {
     const char *path = pm_arena_printf(&w->arena, "%s/%s%s", folder, w->scene->name, suffix);
     PM_TRY(pm_arena_status(&w->arena, "a source file"));
-    FILE *file = fopen(path, "w");
-    if (file == NULL) {
-        return pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));
-    }
+    FILE *file = NULL;
+    PM_TRY(pm_files_create(&file, path));
     pm_template_write(file, text, INT_MAX, nvalue, value);
     const bool bad = ferror(file) != 0;
     if (fclose(file) != 0 || bad) {

@@ -212,34 +212,6 @@ pm_status pm_setup_replay(pm_setup *setup, const char *path) {
     return pm_live_replay_load(path, setup->scene, &setup->arena, &setup->replay, &setup->replayed);
 }
 
-static bool is_same_file(const char *path, const struct stat *other) {
-    struct stat there;
-    return path != NULL && path[0] != 0 && stat(path, &there) == 0 &&
-           there.st_dev == other->st_dev && there.st_ino == other->st_ino;
-}
-
-const char *pm_setup_input(const pm_setup *setup, const char *path) {
-    const pm_scene *scene = setup->scene;
-    const char *const own[] = {scene->path, scene->network.key_file, scene->run.reference,
-                               setup->replay_path};
-    struct stat file;
-    if (stat(path, &file) != 0) {
-        return NULL;
-    }
-    for (size_t i = 0; i < sizeof own / sizeof own[0]; ++i) {
-        if (is_same_file(own[i], &file)) {
-            return own[i];
-        }
-    }
-    for (int i = 0; i < scene->physics.nsubsystem + scene->physics.nport; ++i) {
-        const pm_provenance *weights = setup->system->component[i].provenance;
-        if (is_same_file(weights->path, &file)) {
-            return weights->path;
-        }
-    }
-    return NULL;
-}
-
 void pm_setup_free(pm_setup *setup) {
     pm_dataset_free(setup->reference);
     pm_system_free(setup->system);

@@ -57,11 +57,6 @@ pm_status pm_setup_replay(pm_setup *setup, const char *path);
 // Frees all parts of the setup, the scene included.
 void pm_setup_free(pm_setup *setup);
 
-// Checks whether the file `path` is one of the input files of the run: the scene's file, its key,
-// its reference or one of its weights files. Returns the path of this input, which the setup owns,
-// or NULL if no input is this file.
-const char *pm_setup_input(const pm_setup *setup, const char *path);
-
 // Returns the state with the index `time_id`, 0 to reference->ntime - 1, of the trajectory of the
 // reference with which the scene is compared: one row [reference->ncolumn], in the units of the
 // columns. setup->reference must not be NULL, and the result is valid until pm_setup_free.

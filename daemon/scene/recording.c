@@ -12,6 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/files.h"
 #include "base/progress.h"
 #include "base/reproducible_sum.h"
 #include "store/hdf5_io.h"
@@ -336,6 +337,7 @@ pm_status pm_recording_check(const char *path, bool overwrite) {
     if (!S_ISREG(there.st_mode)) {
         return pm_fail(PM_EFILE, "%s: cannot create a recording: this is not a file", path);
     }
+    PM_TRY(pm_files_check_output(path, true));
     if (access(path, W_OK) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
     }

@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "base/child.h"
+#include "base/files.h"
 #include "store/hdf5_check.h"
 
 #define INDEX_CACHE (1 << 18) // bytes of a file's index that are kept in memory at first
@@ -226,6 +227,9 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source
     status = opened->file < 0 ? fail_with_cause(PM_EFILE, path, "open", "it as HDF5") : PM_OK;
     release(list);
     PM_TRY_DONE(status);
+    if (!to_write) {
+        pm_files_note_input(path);
+    }
     *file = opened;
     opened = NULL;
 done:
@@ -244,6 +248,7 @@ pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
     pm_hdf5 *created = NULL;
     pm_status status;
+    PM_TRY_DONE(pm_files_check_output(path, true));
     PM_TRY_DONE(handle_new(&created, path, PM_EFILE));
     if (mode == PM_HDF5_ATOMIC) {
         if (asprintf(&created->temporary, "%s.%ld.tmp", path, (long)getpid()) < 0) {
@@ -261,6 +266,9 @@ pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
     status = created->file < 0 ? fail_with_cause(PM_EFILE, path, "create", "the file") : PM_OK;
     release(list);
     PM_TRY_DONE(status);
+    if (!exclusive) {
+        pm_files_note_output(path);
+    }
     *file = created;
     created = NULL;
 done:
@@ -310,6 +318,7 @@ pm_status pm_hdf5_commit(pm_hdf5 *file) {
         if (rename(file->temporary, file->path) != 0) {
             return pm_fail(PM_EFILE, "%s: cannot be written: %s", file->path, strerror(errno));
         }
+        pm_files_note_output(file->path);
         free(file->temporary);
         file->temporary = NULL;
     }

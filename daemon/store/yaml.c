@@ -13,6 +13,8 @@
 #include <string.h>
 #include <yaml.h>
 
+#include "base/files.h"
+
 #define MAX_BYTES \
     ((size_t)1 << 20)    // far above any configuration; limits the work that hostile text can cause
 #define MAX_BRACKETS 200 // open at once; the time of libyaml grows with the square of the depth
@@ -580,6 +582,7 @@ pm_status pm_yaml_open(pm_yaml_document **document, const char *path, pm_yaml *r
     }
     free(text);
     fclose(file);
+    pm_files_note_input(path);
     return status;
 }
 

@@ -10,6 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "base/files.h"
 #include "transport/transport_table.h"
 
 #define STAMP_SIZE 8
@@ -58,6 +59,7 @@ pm_status pm_key_load(pm_key *key, const char *path) {
     }
     const pm_status status = read_key(key, file, path);
     close(file);
+    pm_files_note_input(path);
     return status;
 }
 

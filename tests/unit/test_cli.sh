@@ -186,7 +186,7 @@ grep -q "a letter" "$folder/letter" && fail "the letter was not overwritten"
 ln -s "$scene" "$folder/link"
 for input in "$scene" "$folder/link" $(sed -n "s|.*\(weights\|reference\): *\([^ ,}]*\).*|$folder/\2|p" "$scene" | sort -u); do
     before=$(cksum <"$input")
-    expect 2 "the run reads this file" run "$scene" --in-process --record "$input" --overwrite
+    expect 2 "the program reads this file" run "$scene" --in-process --record "$input" --overwrite
     [ "$before" = "$(cksum <"$input")" ] || fail "$input was overwritten"
 done
 succeed "pair: 7 steps of 0.05 s" run "$scene" --in-process --steps 7 --weights "$folder"

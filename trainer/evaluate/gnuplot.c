@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/child.h"
+#include "base/files.h"
 
 #define NO_PROGRAM 127 // the exit code of a child that could not start gnuplot
 
@@ -22,8 +23,7 @@ pm_status pm_plot_open(FILE **file, const char *folder, const char *name) {
     if ((size_t)snprintf(path, sizeof path, "%s/%s", folder, name) >= sizeof path) {
         return pm_fail(PM_EFILE, "%s: the path is too long", folder);
     }
-    *file = fopen(path, "w");
-    return *file != NULL ? PM_OK : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    return pm_files_create(file, path);
 }
 
 pm_status pm_plot_close(FILE *file, const char *folder) {

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/path.h"
 #include "base/unit.h"
 #include "data/unit_change.h"
@@ -155,12 +156,10 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
     d.temperature = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *d.temperature);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(arena, "a proposal"));
-    d.file = fopen(path, "w");
-    if (d.file != NULL) {
-        d.rotates = pm_view_parts(&d.look, d.part);
-        pm_look_temperatures(&d.look, d.part, d.temperature);
-        write_all(&d);
-    }
+    PM_TRY_DONE(pm_files_create(&d.file, path));
+    d.rotates = pm_view_parts(&d.look, d.part);
+    pm_look_temperatures(&d.look, d.part, d.temperature);
+    write_all(&d);
     status = close_file(d.file, path);
 done:
     pm_look_free(&d.look);

@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/path.h"
 
 typedef struct xdmf_writer {
@@ -138,11 +139,7 @@ pm_status pm_xdmf_save(const pm_field *field, const char *path) {
                      .stress = pm_field_columns(field, "sxx syy szz sxy sxz syz")};
     const char *to = pm_arena_printf(&arena, "%.*s.xdmf", (int)pm_path_stem(path), path);
     PM_TRY_DONE(pm_arena_status(&arena, "the XDMF file of %s", path));
-    w.file = fopen(to, "w");
-    if (w.file == NULL) {
-        status = pm_fail(PM_EFILE, "%s: %s", to, strerror(errno));
-        goto done;
-    }
+    PM_TRY_DONE(pm_files_create(&w.file, to));
     fputs("<?xml version=\"1.0\"?>\n<Xdmf Version=\"2.0\">\n<Domain>\n", w.file);
     for (w.trajectory = 0; w.trajectory < field->ntrajectory; ++w.trajectory) {
         fprintf(

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/path.h"
 #include "bodies/solid/surface.h"
 #include "evaluate/gnuplot.h"
@@ -229,11 +230,8 @@ pm_status pm_picture_draw(const pm_picture *picture, const char *path) {
                          "field of each body");
         goto done;
     }
-    FILE *file = fopen(script, "w");
-    if (file == NULL) {
-        status = pm_fail(PM_EFILE, "%s: %s", script, strerror(errno));
-        goto done;
-    }
+    FILE *file = NULL;
+    PM_TRY_DONE(pm_files_create(&file, script));
     write_script(file, picture, npanel, p, error, path);
     const bool failed = ferror(file) != 0;
     PM_TRY_DONE(fclose(file) != 0 || failed ? pm_fail(PM_EFILE, "%s: cannot be written", script)

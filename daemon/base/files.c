@@ -1,0 +1,84 @@
+#include "base/files.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+typedef struct identity {
+    dev_t device;
+    ino_t inode;
+    bool written; // by the program
+} identity;
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static identity *known;
+static size_t nknown, capacity;
+
+// Returns what is known of a file; NULL: nothing. The caller holds the lock.
+static identity *find(const struct stat *facts) {
+    for (size_t i = 0; i < nknown; ++i) {
+        if (known[i].device == facts->st_dev && known[i].inode == facts->st_ino) {
+            return &known[i];
+        }
+    }
+    return NULL;
+}
+
+// Notes a file. Without memory for it, the file is not protected.
+static void note(const char *path, bool written) {
+    struct stat facts;
+    if (stat(path, &facts) != 0) {
+        return;
+    }
+    pthread_mutex_lock(&lock);
+    identity *found = find(&facts);
+    if (found == NULL && nknown == capacity) {
+        const size_t more = 2 * capacity + 16;
+        identity *larger = realloc(known, more * sizeof *known);
+        known = larger == NULL ? known : larger;
+        capacity = larger == NULL ? capacity : more;
+    }
+    if (found == NULL && nknown < capacity) {
+        known[nknown++] = (identity){facts.st_dev, facts.st_ino, written};
+    } else if (found != NULL) {
+        found->written = found->written || written;
+    }
+    pthread_mutex_unlock(&lock);
+}
+
+void pm_files_note_input(const char *path) {
+    note(path, false);
+}
+
+void pm_files_note_output(const char *path) {
+    note(path, true);
+}
+
+pm_status pm_files_check_output(const char *path, bool regular) {
+    struct stat facts;
+    if (stat(path, &facts) != 0) {
+        return PM_OK;
+    }
+    if (regular && !S_ISREG(facts.st_mode)) {
+        return pm_fail(PM_EUSAGE, "%s: this is not a regular file, and is not replaced", path);
+    }
+    pthread_mutex_lock(&lock);
+    const identity *found = find(&facts);
+    const bool input = found != NULL && !found->written;
+    pthread_mutex_unlock(&lock);
+    return input ? pm_fail(PM_EUSAGE, "%s: the program reads this file, and does not overwrite it",
+                           path)
+                 : PM_OK;
+}
+
+pm_status pm_files_create(FILE **file, const char *path) {
+    PM_TRY(pm_files_check_output(path, false));
+    *file = fopen(path, "w");
+    if (*file == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    pm_files_note_output(path);
+    return PM_OK;
+}

@@ -1,0 +1,41 @@
+#!/bin/sh
+# test_outputs.sh PORTMETD MAKE_SCENE PORTMET_TRAIN TRUTH: no command overwrites a file that it reads, nor replaces a
+# device. TRUTH is a truth file.
+. "$(dirname "$0")/../support/setting.sh"
+portmetd=$1 make_scene=$2 train=$3 truth=$4
+"$make_scene" "$folder" || fail "make_scene"
+sed 's/^trajectories:.*/trajectories: 1/; s/^states:.*/states: 3/' "$truth" >"$folder/truth.yaml"
+scene=$folder/scene.yaml data=$folder/reference.h5
+
+# refuse FILE ARGUMENT...: $program does not overwrite FILE, and says so.
+refuse() {
+    input=$1
+    shift
+    cp "$input" "$folder/before"
+    expect 2 "$input: the program reads this file, and does not overwrite it" "$@"
+    cmp -s "$input" "$folder/before" || fail "${program##*/} $* has changed $input"
+}
+
+program=$train
+refuse "$folder/truth.yaml" truth "$folder/truth.yaml" -o "$folder/truth.yaml"
+refuse "$scene" propose "$scene" --data "$data" -o "$scene"
+refuse "$data" propose "$scene" --data "$data" -o "$data"
+refuse "$data" evaluate "$scene" --data "$data" --record "$data"
+program=$portmetd
+refuse "$scene" export "$scene" -o "$scene"
+refuse "$folder/left.h5" export "$scene" -o "$folder/left.h5"
+refuse "$data" run "$scene" --in-process --record "$data" --overwrite
+
+# A link to an input is the input.
+ln "$scene" "$folder/link.yaml"
+expect 2 "link.yaml: the program reads this file" export "$scene" -o "$folder/link.yaml"
+
+# A dataset takes the place of its file, and must not do so with a device.
+mkfifo "$folder/pipe"
+program=$train
+expect 2 "pipe: this is not a regular file" truth "$folder/truth.yaml" -o "$folder/pipe"
+
+# What the program has written it may read and write again.
+succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
+succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
+finish
