@@ -60,7 +60,7 @@ typedef struct scene_writer {
     exported_port *port;        // [nport]
     pm_scene_variables names;
     char *functions; // all functions, as text
-    bool inner;      // some state has co-energies
+    bool inner;      // the rates of some state differ from those of its energy variables
 } scene_writer;
 
 // --- functions ---
@@ -176,14 +176,17 @@ static pm_status write_part(scene_writer *w, FILE *file, int id) {
     add_output(&b[0], "S", pm_part_entropy(b[0].g, part, z[0]), 1);
     exported_part *names = &w->part[id];
     if (pm_part_has_coenergies(part)) {
-        w->inner = true;
         PM_TRY_DONE(write_both(w, file, &b[0], owner, "potentials", &names->potentials,
                                &names->potentials_tangent));
         const pm_node inner = pm_input(b[3].g, true, 1, nz);
         add_input(&b[3], "inner", inner, nz);
-        add_output(&b[3], "rate", pm_part_release(b[3].g, part, z[3], inner), nz);
-        PM_TRY_DONE(
-            write_both(w, file, &b[3], owner, "release", &names->release, &names->release_tangent));
+        const pm_node released = pm_part_release(b[3].g, part, z[3], inner);
+        add_output(&b[3], "rate", released, nz);
+        if (released != inner) {
+            w->inner = true;
+            PM_TRY_DONE(write_both(w, file, &b[3], owner, "release", &names->release,
+                                   &names->release_tangent));
+        }
     } else {
         PM_TRY_DONE(write_function(w, file, &b[0], owner, "potentials", &names->potentials));
     }

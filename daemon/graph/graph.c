@@ -175,6 +175,39 @@ static bool is_constant(const pm_graph *g, pm_node x, double value) {
     return is_op(g, x, PM_OP_CONSTANT) && pm_graph_node_at(g, x)->number == value;
 }
 
+bool pm_graph_is_number(const pm_graph *g, pm_node x, double *number) {
+    double a, b;
+    if (g->arena.failed) {
+        return false;
+    }
+    const pm_graph_node *n = pm_graph_node_at(g, x);
+    switch (n->op) {
+    case PM_OP_CONSTANT:
+        *number = n->number;
+        return true;
+    case PM_OP_BROADCAST_TO:
+    case PM_OP_SLICE:
+        return pm_graph_is_number(g, n->operand[0], number);
+    case PM_OP_SCALE:
+        if (!pm_graph_is_number(g, n->operand[0], &a)) {
+            return false;
+        }
+        *number = n->number * a;
+        return true;
+    case PM_OP_ADD:
+    case PM_OP_MUL:
+    case PM_OP_DIV:
+        if (!pm_graph_is_number(g, n->operand[0], &a) ||
+            !pm_graph_is_number(g, n->operand[1], &b)) {
+            return false;
+        }
+        *number = n->op == PM_OP_ADD ? a + b : n->op == PM_OP_MUL ? a * b : a / b;
+        return true;
+    default:
+        return false;
+    }
+}
+
 // --- leaves ---
 
 pm_node pm_input(pm_graph *g, bool batched, int rows, int cols) {
@@ -238,6 +271,10 @@ pm_node pm_mul(pm_graph *g, pm_node a, pm_node b) {
 }
 
 pm_node pm_div(pm_graph *g, pm_node a, pm_node b) {
+    double divisor;
+    if (pm_graph_is_number(g, b, &divisor) && divisor == 1) {
+        return pm_broadcast_to(g, a, broadcast_shape(pm_graph_shape(g, a), pm_graph_shape(g, b)));
+    }
     return binary(g, PM_OP_DIV, a, b);
 }
 

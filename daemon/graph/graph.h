@@ -34,6 +34,9 @@ void pm_graph_close(pm_graph *graph); // NULL is allowed
 
 pm_shape pm_graph_shape(const pm_graph *g, pm_node x);
 int pm_graph_size(const pm_graph *g); // number of nodes built so far
+// Returns true if all entries of a node are the same number, which depends on no input and on no
+// parameter, and sets *number to it.
+bool pm_graph_is_number(const pm_graph *g, pm_node x, double *number);
 
 // --- leaves ---
 

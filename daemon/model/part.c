@@ -470,6 +470,7 @@ pm_node pm_part_release(pm_graph *g, const pm_part *part, pm_node z, pm_node rat
     pm_node group[PM_MAX_GROUPS], own[PM_MAX_GROUPS];
     pm_node matrix[MOST_COUPLED * MOST_COUPLED], r[MOST_COUPLED];
     int unknown[PM_MAX_GROUPS], n = 0;
+    bool same = true;
     build_shown(g, part, z, &s);
     group_nodes(&s, part, group);
     for (int i = 0; i < layout->ngroup; ++i) {
@@ -511,8 +512,10 @@ pm_node pm_part_release(pm_graph *g, const pm_part *part, pm_node z, pm_node rat
             pm_gradient(g, s.x[i], PM_NO_NODE, 1, &group[i], &slope);
             own[i] = pm_div(g, own[i], slope);
         }
+        const pm_node before = pm_slice(g, rate, layout->group[i].first, layout->group[i].size);
+        same = same && own[i] == before;
     }
-    return join_groups(g, part, own);
+    return same ? rate : join_groups(g, part, own);
 }
 
 // --- potentials ---

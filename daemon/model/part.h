@@ -67,8 +67,8 @@ bool pm_part_has_coenergies(const pm_part *part);
 // Returns the state z [1][nz] with the energy variables x in place of the co-energies y.
 pm_node pm_part_energy_variables(pm_graph *g, const pm_part *part, pm_node z);
 // Turns the rate of energy variables [1][nz] at the state z [1][nz], which is the sum of the bulk
-// term and of all ports, into the rate of the state. Returns `rate` itself if the state has no
-// co-energies, and PM_NO_NODE if the rate is.
+// term and of all ports, into the rate of the state. Returns `rate` itself if both are the same,
+// because the state has no co-energies or all inertias are 1, and PM_NO_NODE if the rate is.
 pm_node pm_part_release(pm_graph *g, const pm_part *part, pm_node z, pm_node rate);
 
 // Return E [1][1] in J and S [1][1] in J/K for z [1][nz] batched. S is PM_NO_NODE if there is no

@@ -69,8 +69,7 @@ typedef struct pm_subsystem_group {
     pm_program *bulk;                    // NULL: no bulk term
     double *bulk_input[PM_SHOWN_COUNT];  // [nz][width]
     const double *bulk_rate;             // [nz][width] L dE + M dS
-    // Turns rates of energy variables into rates of the state (part.h); NULL: the state has no
-    // co-energies.
+    // Turns rates of energy variables into rates of the state (part.h); NULL: they are the same.
     pm_program *release;
     double *release_z, *release_rate; // [nz][width]
     const double *released;           // [nz][width]

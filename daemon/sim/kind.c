@@ -134,9 +134,11 @@ static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int w
         const pm_node z = pm_input(release, true, 1, group->nz);
         const pm_node rate = pm_input(release, true, 1, group->nz);
         const pm_node released = pm_part_release(release, group->part, z, rate);
-        PM_TRY_DONE(pm_program_open_lanes(&group->release, release, 1, &released, width));
-        served = group->release != NULL;
-        if (served) {
+        if (released != rate) {
+            PM_TRY_DONE(pm_program_open_lanes(&group->release, release, 1, &released, width));
+            served = group->release != NULL;
+        }
+        if (group->release != NULL) {
             group->release_z = pm_program_value(group->release, z);
             group->release_rate = pm_program_value(group->release, rate);
             group->released = pm_program_value(group->release, released);

@@ -394,6 +394,35 @@ static void trainer_takes_the_same_step(void **state) {
     }
 }
 
+// Where all inertias are 1, the rates of the state are those of the energy variables.
+static void nothing_is_released_where_inertias_are_one(void **state) {
+    (void)state;
+    static const char text[] =
+        "scene: free\ntime: {dt: 1.0, steps: 1, integrator: rk4}\n"
+        "subsystems: {a: {weights: a.h5, state: {q: {unit: m, size: 1}, v: {unit: m/s, size: 1, "
+        "coenergy: true}, u: {unit: m/s, size: 1, coenergy: true}}}}\n";
+    static const struct {
+        const char *model;
+        bool same;
+    } cases[] = {{"coenergy: [\"v^2/2\", \"u^2/2\"]\nenergy: q^2\n", true},
+                 {"coenergy: [\"v^2/2\", \"u^2\"]\nenergy: q^2\n", false},
+                 {"coenergy: [\"v^2/2\", \"u^2/2\", \"0.1*u*v\"]\nenergy: q^2\n", false},
+                 {"coenergy: [\"v^2/2\", \"u^2/2+u*q\"]\nenergy: q^2\n", false}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        random_system w;
+        pm_graph *g = NULL;
+        random_system_of_text(&w, 1, text, cases[i].model, NULL);
+        require(pm_graph_open(&g));
+        const pm_node z = pm_input(g, true, 1, 3), rate = pm_input(g, true, 1, 3);
+        const bool same = pm_part_release(g, w.system->part[0], z, rate) == rate;
+        if (same != cases[i].same) {
+            random_system_fail(&w, "released rates are %s", same ? "the same" : "others");
+        }
+        pm_graph_close(g);
+        random_system_close(&w);
+    }
+}
+
 // --- bits ---
 
 #define ARMS 20
@@ -492,6 +521,7 @@ int main(void) {
         cmocka_unit_test(both_kinds_of_variables_move_alike),
         cmocka_unit_test(capacities_and_inertias_are_as_the_pages_say),
         cmocka_unit_test(release_keeps_all_rates),
+        cmocka_unit_test(nothing_is_released_where_inertias_are_one),
         cmocka_unit_test(trainer_takes_the_same_step),
         cmocka_unit_test(all_divisions_have_the_same_bits),
         cmocka_unit_test(mistakes_are_refused),
