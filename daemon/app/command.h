@@ -16,13 +16,19 @@ typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
     const char *bind, *recording;
-    const char *hosts; // of the processes, for `emit`
-    int64_t steps;     // number of steps of the run; 0: as the scene says
-    int64_t session;   // number of the session to join or to open; 0: no session was given
-    int64_t port, udp; // numbers of ports; 0: not given
+    const char *pace;   // of a run; NULL: the scene's
+    const char *state;  // a dataset whose first state begins a run
+    const char *inputs; // values of live inputs
+    const char *hosts;  // of the processes, for `emit`
+    int64_t steps;      // number of steps of the run; 0: as the scene says
+    int64_t session;    // number of the session to join or to open; 0: no session was given
+    int64_t port, udp;  // numbers of ports; 0: not given
     bool in_process, quiet, overwrite;
-    bool coordinator_speaks; // a node leaves it to the coordinator to print why the run has failed
-    pm_journal log;          // of the lines on standard error
+    bool stays;               // a node serves one run after another
+    bool elsewhere;           // nobody launches the nodes here
+    bool held, endless, wait; // a run is held at its start; it has no last step; until it ends
+    bool coordinator_speaks;  // a node leaves it to the coordinator to print why the run has failed
+    pm_journal log;           // of the lines on standard error
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;
 
@@ -47,7 +53,13 @@ enum {
     PM_OPTION_UDP = 1 << 16,
     PM_OPTION_RECORDING = 1 << 17,
     PM_OPTION_HOSTS = 1 << 18,
-    PM_OPTION_FILES = 1 << 19 // --output as well
+    PM_OPTION_FILES = 1 << 19, // --output as well
+    PM_OPTION_STAYS = 1 << 20,
+    PM_OPTION_ELSEWHERE = 1 << 21,
+    PM_OPTION_FOLDER = 1 << 22, // --record, of a folder
+    PM_OPTION_START = 1 << 23,  // of a run: --held, --endless, --wait, --pace
+    PM_OPTION_STATE = 1 << 24,  // --state, --inputs
+    PM_OPTION_INPUTS = 1 << 25
 };
 
 typedef struct pm_command {
@@ -60,7 +72,9 @@ typedef struct pm_command {
     pm_status (*execute)(const pm_run_options *options);
 } pm_command;
 
-extern const pm_command pm_command_run, pm_command_node, pm_command_coordinator, pm_command_status,
-    pm_command_view, pm_command_export, pm_command_emit, pm_command_check;
+extern const pm_command pm_command_run, pm_command_serve, pm_command_node, pm_command_coordinator,
+    pm_command_status, pm_command_view, pm_command_export, pm_command_emit, pm_command_check,
+    pm_command_start, pm_command_pause, pm_command_resume, pm_command_advance, pm_command_set,
+    pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload;
 
 #endif

@@ -1,34 +1,65 @@
-// portmetd run: runs a whole scene with one command. Over LCM it starts the scene's processes and
-// is itself the coordinator; with --in-process all subsystems live in this thread.
+// portmetd run and serve. Over LCM they start the scene's processes and are themselves the
+// coordinator: of one run that starts at once, or of one run after another as clients ask for them.
+// With run --in-process all subsystems live in this thread.
+#include <inttypes.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/launch.h"
+#include "app/notify.h"
 #include "app/observer.h"
 #include "app/prepare.h"
 #include "app/serve.h"
 #include "app/supervise.h"
+#include "base/options.h"
 #include "library/local_run.h"
-#include "lockstep/coordinator.h"
+#include "lockstep/control.h"
 #include "lockstep/gate.h"
 #include "lockstep/node.h"
 
-#define MOST_STARTING 16     // nodes that start at the same time
-#define LAUNCH_INTERVAL 0.25 // s after which one more starts, whatever the others do
-#define WATCH_INTERVAL 0.05  // s between two looks at the children
-#define GATE_INTERVAL 0.002  // s between two looks at the gate that holds a run in this thread
-#define END_GRACE 5.0        // s for the nodes to end by themselves after the last step
+#define MOST_STARTING 16      // nodes that start at the same time
+#define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
+#define WATCH_INTERVAL 0.05   // s between two looks at the children
+#define GATE_INTERVAL 0.002   // s between two looks at the gate that holds a run in this thread
+#define RESTING 0.4           // s between two looks at the children while nothing is to be done
+#define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
+#define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
 // --- over LCM ---
+
+// A mutable global, since a signal handler can reach nothing else: SIGHUP asks to read the scene
+// again.
+static volatile sig_atomic_t hung_up = 0;
+
+static void hang_up(int signal_number) {
+    (void)signal_number;
+    hung_up = 1;
+}
+
+typedef struct service {
+    pm_setup setup;
+    pm_run_options options; // of the present run
+    const char *folder;     // of recordings; NULL: none
+    char path[1024];        // of the recording
+    pm_observer observer;   // of the present run
+    pm_lockstep_coordinator *coordinator;
+    const pm_journal *log;
+    bool runs;   // a run is under way
+    bool reload; // this process is to begin anew
+} service;
 
 // The nodes that are still to be launched. The coordinator answers those that are there meanwhile.
 typedef struct launcher {
     pm_launch *launch;
     pm_setup *setup;
     pm_run_options options; // of the nodes
+    service *service;       // whose runs they are; NULL: they serve one run
     int next;               // process to be launched
     double at;              // s, when the last one was
 } launcher;
@@ -39,40 +70,88 @@ static pm_status serve_node(void *context, const char *name) {
     return pm_serve_node(l->setup, &l->options, pm_scene_find_process(l->setup->scene, name));
 }
 
-// Runs the coordinator's loop, and watches the children and the stop flag until the first failure.
-static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes) {
+// Checks the files, so that a mistake in them does not end the service.
+static pm_status check_reload(void *context) {
+    service *s = context;
+    pm_setup fresh = {0};
+    pm_status status = pm_prepare(&fresh, &s->options, PM_TO_COORDINATE);
+    if (status == PM_OK && strcmp(fresh.scene->name, s->setup.scene->name) != 0) {
+        status = pm_fail(PM_ECONFIG, "%s: is now scene %s, and %s is served", fresh.scene->path,
+                         fresh.scene->name, s->setup.scene->name);
+    }
+    pm_setup_free(&fresh);
+    s->reload = status == PM_OK;
+    return status;
+}
+
+// Runs the coordinator's loop, and watches the children and the stop flag: until the run is over,
+// or with a control until the user ends the service or a child fails for good.
+static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
+                         pm_control *control) {
     const pm_scene *scene = nodes->setup->scene;
     pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
-    bool failed = false;
-    double now = pm_clock(), looked = 0;
+    pm_status first = PM_OK; // the first failure of a child, or the interrupt
+    char reason[1024] = "";
+    int deaths = 0;
+    double now = pm_clock(), looked = 0, notified = 0;
     while (!pm_lockstep_coordinator_finished(coordinator)) {
-        if (!failed && now - looked > WATCH_INTERVAL) {
+        if (first == PM_OK && now - looked > WATCH_INTERVAL) {
             looked = now;
-            pm_status status = pm_launch_watch(nodes->launch);
-            if (*nodes->options.stop) {
-                status = pm_fail(PM_EINTERRUPTED, "interrupted");
+            const int before = deaths;
+            first = pm_launch_watch(nodes->launch, &deaths);
+            service *s = nodes->service;
+            if (s != NULL && hung_up && !s->runs) {
+                hung_up = 0;
+                if (check_reload(s) != PM_OK) {
+                    pm_journal_write(s->log, PM_JOURNAL_ERROR, 0, NULL, "not read again: %s",
+                                     pm_error());
+                }
             }
-            if (status != PM_OK) {
-                pm_lockstep_coordinator_fail(coordinator, status, pm_error());
-                failed = true;
+            if (*nodes->options.stop || (s != NULL && s->reload && !s->runs)) {
+                first = pm_fail(PM_EINTERRUPTED, "interrupted");
             }
+            snprintf(reason, sizeof reason, "%s", first == PM_OK ? "" : pm_error());
+            // A process that was killed starts again, for the next run.
+            if (control != NULL && deaths > before && nodes->options.checkpoint == NULL) {
+                pm_lockstep_coordinator_fail(
+                    coordinator, PM_ENET, "a process was killed, and the run keeps no checkpoints");
+            }
+        }
+        if (first != PM_OK) { // an interrupt alone ends a coordinator that stays
+            pm_lockstep_coordinator_fail(coordinator, control == NULL ? first : PM_EINTERRUPTED,
+                                         reason);
+        }
+        if (control != NULL && now - notified > WATCHDOG_INTERVAL) {
+            notified = now;
+            pm_notify("WATCHDOG=1");
         }
         // Nodes share the cores, and each has to start within its patience. So another one starts
         // as long as few of those before have yet to say hello.
-        while (!failed && nodes->next < scene->network.nprocess &&
+        while (first == PM_OK && !nodes->options.elsewhere &&
+               nodes->next < scene->network.nprocess &&
                (nodes->next - pm_lockstep_coordinator_present(coordinator) < MOST_STARTING ||
                 pm_clock() > nodes->at + LAUNCH_INTERVAL)) {
-            PM_TRY(pm_launch_start(nodes->launch, scene->network.process[nodes->next].name,
-                                   (pm_launch_program){serve_node, nodes}, NULL));
+            const char *name = scene->network.process[nodes->next].name, *progress = NULL;
+            if (control != NULL) { // a node that is killed starts again
+                PM_TRY(pm_prepare_checkpoint(nodes->setup, &nodes->options, name, &progress));
+                progress = progress == NULL ? scene->path : progress;
+            }
+            PM_TRY(pm_launch_start(nodes->launch, name, (pm_launch_program){serve_node, nodes},
+                                   progress));
             nodes->next += 1;
             nodes->at = pm_clock();
         }
         const double next = pm_lockstep_coordinator_poll(coordinator, now);
-        const double wait = next - now < WATCH_INTERVAL ? next - now : WATCH_INTERVAL;
+        if (control != NULL) {
+            pm_control_poll(control);
+        }
+        const double interval = next - now > RESTING ? RESTING : WATCH_INTERVAL;
+        const double wait = next - now < interval ? next - now : interval;
         PM_TRY(pm_transport_wait(transport, wait > 0 ? wait : 0, NULL));
         now = pm_clock();
     }
-    return pm_lockstep_coordinator_result(coordinator);
+    return control == NULL ? pm_lockstep_coordinator_result(coordinator)
+                           : pm_fail(first, "%s", reason);
 }
 
 static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
@@ -88,7 +167,7 @@ static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, setup->scene->network.nprocess, &options->log));
-    status = conduct(coordinator, &nodes);
+    status = conduct(coordinator, &nodes, NULL);
     if (status == PM_OK) {
         status = pm_launch_wait(nodes.launch, END_GRACE);
     }
@@ -200,7 +279,7 @@ static pm_status run_rank(pm_setup *setup, const pm_run_options *options, const 
     return pm_serve_node(setup, &own, rank - 1);
 }
 
-static pm_status execute(const pm_run_options *options) {
+static pm_status execute_run(const pm_run_options *options) {
     pm_setup setup = {0};
     pm_observer observer = {0};
     pm_status status;
@@ -241,5 +320,203 @@ const pm_command pm_command_run = {
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
-    .execute = execute,
+    .execute = execute_run,
+};
+
+// --- one run after another ---
+
+static void tell(const service *s, const pm_control_run *run, const char *text) {
+    const pm_journal_field field[] = {{.name = "run", .number = (double)run->number},
+                                      {.name = "client", .text = run->owner}};
+    pm_journal_write(s->log, PM_JOURNAL_NOTICE, 2, field, "run %" PRId64 " of %s: %s", run->number,
+                     run->owner, text);
+}
+
+static pm_status begin_run(void *context, const pm_control_run *run,
+                           pm_lockstep_observer *observer) {
+    service *s = context;
+    char text[1200], steps[32] = "until it is stopped";
+    s->options.record = NULL;
+    if (run->record[0] != 0) {
+        snprintf(s->path, sizeof s->path, "%s/%s", s->folder, run->record);
+        s->options.record = s->path;
+        struct stat file;
+        if (lstat(s->path, &file) == 0 && !S_ISREG(file.st_mode)) { // a link leads elsewhere
+            return pm_fail(PM_EFILE, "%s: is no file", s->path);
+        }
+    }
+    const pm_status status = pm_observer_open(&s->observer, &s->setup, &s->options);
+    if (status != PM_OK) {
+        pm_observer_close(&s->observer);
+        return status;
+    }
+    *observer = pm_observer_attach(&s->observer, &s->setup).observer;
+    s->runs = true;
+    if (run->steps > 0) {
+        snprintf(steps, sizeof steps, "%" PRId64 " steps", run->steps);
+    }
+    snprintf(text, sizeof text, "begins at %s, %s%s%s%s",
+             run->from_client ? "the state of the client" : "the scene's state", steps,
+             run->held ? ", held at its start" : "",
+             s->options.record == NULL ? "" : ", recorded in ",
+             s->options.record == NULL ? "" : s->path);
+    tell(s, run, text);
+    return PM_OK;
+}
+
+static pm_status end_run(void *context, const pm_control_run *run, int64_t step, pm_status status,
+                         const char *message) {
+    service *s = context;
+    char text[PM_TEXT_MAX + 64], reason[PM_TEXT_MAX + 1];
+    status = status == PM_OK ? PM_OK : pm_fail(status, "%s", message);
+    status =
+        pm_observer_finish(&s->observer, status, pm_lockstep_coordinator_ledger(s->coordinator),
+                           pm_lockstep_coordinator_pace(s->coordinator), "over LCM");
+    snprintf(reason, sizeof reason, "%s", status == PM_OK ? "" : pm_error());
+    pm_observer_close(&s->observer);
+    s->observer = (pm_observer){0};
+    s->runs = false;
+    snprintf(text, sizeof text, "ended after step %" PRId64 "%s%s", step < 0 ? 0 : step,
+             status == PM_OK ? "" : ": ", reason);
+    tell(s, run, text);
+    return status == PM_OK ? PM_OK : pm_fail(status, "%s", reason);
+}
+
+static void put_digest(FILE *file, const pm_component *component) {
+    fprintf(file, ",\"weights\":\"%016" PRIx64 "\",\"loss\":%.3g}", component->provenance->digest,
+            component->provenance->loss);
+}
+
+// Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
+// "subsystems": [{"name", "groups": [[name, unit, size]], "weights", "loss"}], "ports": [{"name",
+// "law", "ends", "weights", "loss"}], "inputs": [[name, channel]]}. Names need no quoting.
+static pm_status describe(service *s, char **text) {
+    const pm_scene *scene = s->setup.scene;
+    const pm_physics *physics = &scene->physics;
+    char unit[128];
+    size_t size;
+    FILE *file = open_memstream(text, &size);
+    if (file == NULL) {
+        return pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
+    }
+    fprintf(file,
+            "{\"scene\":\"%s\",\"dt\":%.17g,\"steps\":%d,\"integrator\":\"%s\",\"substeps\":%d,"
+            "\"digest\":\"%016" PRIx64 "\",\"records\":%s,\"subsystems\":[",
+            scene->name, physics->dt, scene->run.steps, physics->integrator->name,
+            physics->substeps, s->setup.system->digest, s->folder == NULL ? "false" : "true");
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        fprintf(file, "%s{\"name\":\"%s\",\"groups\":[", i == 0 ? "" : ",", subsystem->name);
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            pm_json_quote(unit, sizeof unit, group->unit);
+            fprintf(file, "%s[\"%s\",%s,%d]", g == 0 ? "" : ",", group->name, unit, group->size);
+        }
+        fputs("]", file);
+        put_digest(file, &s->setup.system->component[i]);
+    }
+    fputs("],\"ports\":[", file);
+    for (int i = 0; i < physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        fprintf(file, "%s{\"name\":\"%s\",\"law\":\"%s\",\"ends\":[\"%s\",\"%s\"]",
+                i == 0 ? "" : ",", port->name, port->law, port->between[0], port->between[1]);
+        put_digest(file, &s->setup.system->component[physics->nsubsystem + i]);
+    }
+    fputs("],\"inputs\":[", file);
+    for (int i = 0, n = 0; i < scene->network.nlive_input; ++i) {
+        const pm_scene_live_input *input = &scene->network.live_input[i];
+        for (int k = 0; k < input->count; ++k) {
+            fprintf(file, "%s[\"%s\",\"%s\"]", n++ == 0 ? "" : ",", input->name[k], input->channel);
+        }
+    }
+    fputs("]}", file);
+    return fclose(file) == 0 ? PM_OK
+                             : pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
+}
+
+static pm_status execute_serve(const pm_run_options *options) {
+    service s = {.options = *options, .folder = options->record, .log = &options->log};
+    launcher nodes = {.setup = &s.setup, .options = *options, .service = &s};
+    pm_transport *transport = NULL;
+    pm_control *control = NULL;
+    char *description = NULL;
+    pm_lockstep_coordinator_options own = {.stays = true};
+    pm_status status;
+    s.options.quiet = true;
+    PM_TRY_DONE(pm_prepare(&s.setup, options, PM_TO_COORDINATE));
+    const pm_scene *scene = s.setup.scene;
+    const char *url = pm_connect_url(scene, options->url);
+    if (pm_transport_has_ranks(url)) {
+        status = pm_fail(PM_EUSAGE, "serve does not work at %s: it needs udpm://", url);
+        goto done;
+    }
+    if (s.folder != NULL) {
+        PM_TRY_DONE(pm_options_folder(s.folder));
+    }
+    PM_TRY_DONE(pm_prepare_checkpoint(&s.setup, options, NULL, &own.checkpoint));
+    own.want_state = !pm_scene_may_report_sums(scene);
+    own.session =
+        options->session > 0 || options->elsewhere ? options->session : pm_lockstep_session();
+    nodes.options.session = own.session;
+    nodes.options.stays = true;
+    nodes.options.log.json = false; // this process passes their lines on
+    PM_TRY_DONE(describe(&s, &description));
+    PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
+    PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, s.setup.system, transport, &own));
+    const pm_control_service serves = {&s,        description, s.folder != NULL,
+                                       begin_run, end_run,     check_reload};
+    PM_TRY_DONE(pm_control_open(&control, s.coordinator, &serves));
+    PM_TRY_DONE(pm_launch_open(&nodes.launch, scene->network.nprocess, &options->log));
+    const struct sigaction action = {.sa_handler = hang_up, .sa_flags = SA_RESTART};
+    sigaction(SIGHUP, &action, NULL);
+    status = conduct(s.coordinator, &nodes, control);
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
+    // The user ends a service in this way.
+    status = status == PM_EINTERRUPTED ? PM_OK : status;
+done:
+    pm_launch_close(nodes.launch);
+    pm_control_close(control);
+    pm_lockstep_coordinator_close(s.coordinator);
+    pm_transport_close(transport);
+    pm_observer_close(&s.observer);
+    free(description);
+    pm_setup_free(&s.setup);
+    if (status != PM_OK || !s.reload || *options->stop != 0) {
+        return status;
+    }
+    // This process begins anew, with the same command line, number and place.
+    enum { MOST_WORDS = 64, MOST_BYTES = 65536 };
+    char *argv[MOST_WORDS] = {NULL}, *line = calloc(1, MOST_BYTES);
+    FILE *file = fopen("/proc/self/cmdline", "r");
+    const size_t length = file == NULL || line == NULL ? 0 : fread(line, 1, MOST_BYTES - 1, file);
+    size_t at = 0;
+    for (int i = 0; i < MOST_WORDS - 1 && at < length; ++i) {
+        argv[i] = line + at;
+        at += strlen(argv[i]) + 1;
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    execv("/proc/self/exe", argv);
+    free(line);
+    return pm_fail(PM_EFILE, "/proc/self/exe: cannot be started again");
+}
+
+const pm_command pm_command_serve = {
+    .name = "serve",
+    .summary = "serve a scene: start, hold, step and end runs over LCM",
+    .arguments = "SCENE",
+    .help =
+        "Launches the processes of the scene once, and waits for clients: `portmetd start`,\n"
+        "`pause`, `resume`, `advance`, `set`, `reset`, `stop` and `query`, or any program that\n"
+        "sends control_t over LCM (daemon/WIRE.md). One run is under way at a time. After a run,\n"
+        "and after one that has failed, it waits for the next, as long as it takes. Ctrl-C or\n"
+        "SIGTERM ends the run and the service; SIGHUP reads the scene and its weights again, "
+        "between\n"
+        "two runs. With --record clients may record runs, in that\n"
+        "folder. With --checkpoint a process that is killed within a run goes on; without, the\n"
+        "run fails and the next one can be started.",
+    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
+               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE,
+    .execute = execute_serve,
 };

@@ -23,6 +23,7 @@ pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int proc
     pm_lockstep_node_options node_options = {
         .z = setup->initial,
         .session = options->session,
+        .stays = options->stays,
         .alive = tell_alive,
         .boundary_input = &setup->boundary_input,
         .live = setup->live,
@@ -119,10 +120,12 @@ const pm_command pm_command_node = {
             "  portmetd node SCENE NAME1\n"
             "  portmetd node SCENE NAME2\n"
             "  portmetd coordinator SCENE\n\n"
+            "With --serve it waits for one run after another, as long as it takes: beside\n"
+            "`portmetd serve --elsewhere`.\n\n"
             "If all of them have --checkpoint, one that was killed goes on when the same command\n"
             "starts it again within the scene's `patience`.",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_LOG,
+               PM_OPTION_LOG | PM_OPTION_STAYS,
     .execute = execute_node,
 };
 

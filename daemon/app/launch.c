@@ -25,6 +25,7 @@
 #define LINE 1024             // longest part of a line that is printed, in bytes
 #define HOLD 1.0              // s until a line is printed; a child that fails ends sooner
 #define MAX_DEATHS 6          // of a child, in a row, without progress
+#define LIVED 10.0            // s after which a child has made progress
 #define PAUSE 0.005           // s from a death to the new start; every death doubles it
 
 typedef struct pm_child {
@@ -39,6 +40,8 @@ typedef struct pm_child {
     const char *progress; // file that shows its progress; NULL: the child is not started again
     struct timespec seen; // time of that file at the last death
     int deaths;           // since that file last changed
+    double started;       // s of pm_clock
+    int killed;           // times that a signal killed it
     double restart_at;    // s of pm_clock when the child starts again; 0: never
 } pm_child;
 
@@ -63,6 +66,7 @@ static pm_status start(pm_child *child) {
     const pid_t parent = getpid();
     const int output = fileno(child->output);
     child->restart_at = 0;
+    child->started = pm_clock();
     fflush(NULL); // else the child would print what is in the buffers, too
     child->pid = fork();
     if (child->pid == 0) { // the life of the child
@@ -118,13 +122,15 @@ static void reap(pm_child *child, const pm_journal *log) {
         return;
     }
     child->running = false;
+    child->killed += WIFSIGNALED(child->wait_status) ? 1 : 0;
     if (!WIFSIGNALED(child->wait_status) || child->progress == NULL) {
         return;
     }
     struct stat file = {0};
     (void)stat(child->progress, &file);
-    const bool progressed =
-        file.st_mtim.tv_sec != child->seen.tv_sec || file.st_mtim.tv_nsec != child->seen.tv_nsec;
+    const bool progressed = file.st_mtim.tv_sec != child->seen.tv_sec ||
+                            file.st_mtim.tv_nsec != child->seen.tv_nsec ||
+                            pm_clock() - child->started > LIVED;
     child->seen = file.st_mtim;
     child->deaths = progressed ? 1 : child->deaths + 1;
     if (child->deaths <= MAX_DEATHS) {
@@ -184,16 +190,21 @@ static void collect_output(pm_child *child, const pm_journal *log, char *last) {
     }
 }
 
-pm_status pm_launch_watch(pm_launch *launch) {
+pm_status pm_launch_watch(pm_launch *launch, int *deaths) {
+    int killed = 0;
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
         reap(child, launch->log);
+        killed += child->killed;
         if (child->running) {
             show_output(child, launch->log);
         }
         if (child->restart_at > 0 && pm_clock() >= child->restart_at) {
             PM_TRY(start(child));
         }
+    }
+    if (deaths != NULL) {
+        *deaths = killed;
     }
     pm_child *child = launch->child, *end = child + launch->count;
     while (child < end && (child->running || child->restart_at != 0 || child->wait_status == 0)) {
@@ -271,7 +282,7 @@ static void stop_restarting(pm_launch *launch) {
 pm_status pm_launch_wait(pm_launch *launch, double grace) {
     stop_restarting(launch);
     const bool ended = wait_all(launch, grace);
-    PM_TRY(pm_launch_watch(launch));
+    PM_TRY(pm_launch_watch(launch, NULL));
     for (int i = 0; i < launch->count && !ended; ++i) {
         if (launch->child[i].running) {
             return pm_fail(PM_ETIMEOUT, "process %s did not end within %g s", launch->child[i].name,

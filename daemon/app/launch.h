@@ -29,14 +29,15 @@ typedef struct pm_launch_program {
 // processes. The child keeps the open files that a new program would inherit; it gets SIGTERM when
 // this process dies. `progress` is a file that the child replaces as it makes progress, or NULL.
 // With it, a child that a signal kills is started again after a short while, with a line on
-// standard error, unless it has died several times without progress. The name, the context and the
-// path must outlive the child. PM_ENOMEM.
+// standard error, unless it has died several times soon after its start without progress. The name,
+// the context and the path must outlive the child. PM_ENOMEM.
 pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program program,
                           const char *progress);
 
 // Looks at the children without waiting. Returns PM_OK as long as none has failed; otherwise the
-// first failure, with the child's own exit code, or PM_ENET if a signal killed it.
-pm_status pm_launch_watch(pm_launch *launch);
+// first failure, with the child's own exit code, or PM_ENET if a signal killed it. `deaths` (NULL
+// is allowed) receives how often signals have killed children so far.
+pm_status pm_launch_watch(pm_launch *launch, int *deaths);
 
 // Returns true if child `id`, counted in the order of starting, had ended with exit code 0 at the
 // last call of pm_launch_watch.

@@ -10,10 +10,13 @@
 #include "base/subcommand.h"
 
 static const pm_command *const commands[] = {
-    &pm_command_run,  &pm_command_node,   &pm_command_coordinator, &pm_command_status,
-    &pm_command_view, &pm_command_export, &pm_command_emit,        &pm_command_check,
+    &pm_command_run,         &pm_command_serve,   &pm_command_start,  &pm_command_pause,
+    &pm_command_resume,      &pm_command_advance, &pm_command_set,    &pm_command_reset,
+    &pm_command_stop,        &pm_command_query,   &pm_command_reload, &pm_command_node,
+    &pm_command_coordinator, &pm_command_status,  &pm_command_view,   &pm_command_export,
+    &pm_command_emit,        &pm_command_check,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 20, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 30, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -86,6 +89,30 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
                                      "serve the page on this address instead of 127.0.0.1")},
         {PM_OPTION_UDP, text_option("--udp", "PORT", &given->udp,
                                     "send all values as JSON to this UDP port of 127.0.0.1")},
+        {PM_OPTION_STAYS,
+         {.name = "--serve",
+          .on = &run->stays,
+          .help = "serve one run after another, as long as it takes"}},
+        {PM_OPTION_ELSEWHERE,
+         {.name = "--elsewhere",
+          .on = &run->elsewhere,
+          .help = "launch no nodes: they run elsewhere, with node --serve"}},
+        {PM_OPTION_FOLDER, text_option("--record", "DIR", &run->record,
+                                       "let clients record their runs in the folder DIR")},
+        {PM_OPTION_START,
+         {.name = "--endless", .on = &run->endless, .help = "run until the run is stopped"}},
+        {PM_OPTION_START,
+         {.name = "--wait", .on = &run->wait, .help = "wait until the run has ended"}},
+        {PM_OPTION_START,
+         text_option("--pace", "X", &run->pace, "simulate X s in each s; 0: as fast as it can be")},
+        {PM_OPTION_START, text_option("--record", "NAME", &run->record,
+                                      "record the run as NAME in the folder of the service")},
+        {PM_OPTION_STATE,
+         {.name = "--held", .on = &run->held, .help = "hold the run at its start"}},
+        {PM_OPTION_STATE, text_option("--state", "LIST", &run->state,
+                                      "start at these numbers, in the order of query")},
+        {PM_OPTION_INPUTS, text_option("--inputs", "LIST", &run->inputs,
+                                       "values of the live inputs, in the order of query")},
         {PM_OPTION_RECORDING, text_option("--recording", "FILE", &run->recording,
                                           "show this recording instead of a run")},
     };

@@ -98,7 +98,7 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
             pm_launch_signal(launch, COORDINATOR, SIGUSR1);
         }
         nanosleep(&(struct timespec){.tv_nsec = WATCH_INTERVAL}, NULL);
-        status = pm_launch_watch(launch);
+        status = pm_launch_watch(launch, NULL);
     }
     // Among several failures the coordinator's says most. If it has succeeded, the run has.
     if (status != PM_EINTERRUPTED) {

@@ -30,6 +30,8 @@
 
 #include "base/arena.h"
 #include "portmet_command_t.h"
+#include "portmet_control_reply_t.h"
+#include "portmet_control_t.h"
 #include "portmet_flux_t.h"
 #include "portmet_health_t.h"
 #include "portmet_hello_t.h"
@@ -110,5 +112,7 @@ PM_CODEC(command, true)
 PM_CODEC(request, true)
 PM_CODEC(vitals, false)
 PM_CODEC(health, true)
+PM_CODEC(control, false)
+PM_CODEC(control_reply, false)
 
 #endif

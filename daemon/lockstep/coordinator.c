@@ -66,6 +66,8 @@
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 #define LEDGER_INTERVAL 0.001 // s between two ledger messages at least
+#define HEARTBEAT 1.0         // s between two ticks while nobody asks for steps, at most
+#define FLUSH_AFTER 0.2       // s for which the run was held when the observer flushes its files
 
 // --- state ---
 
@@ -78,15 +80,27 @@ static bool is_running(const pm_lockstep_coordinator *c) {
     return c->phase < PM_COORDINATOR_CLOSING;
 }
 
+static int64_t least(int64_t a, int64_t b) {
+    return a < b ? a : b;
+}
+
+// Returns true if no further step is granted until somebody asks for it. The processes then rest.
+static bool may_rest(const pm_lockstep_coordinator *c) {
+    return c->stays && c->granted >= least(c->hold_at, c->endpoint.steps);
+}
+
 // Enters a phase. In CLOSING processes receive END if the endpoint's status is PM_OK, and ABORT
 // otherwise.
 static void enter(pm_lockstep_coordinator *c, pm_coordinator_phase phase) {
     if (phase == PM_COORDINATOR_CLOSING && c->phase != phase) {
         c->next = c->endpoint.now;
     }
-    if (phase == PM_COORDINATOR_HELD && c->phase != phase && is_at_gate(c) &&
-        c->observer.hold != NULL) {
-        c->observer.hold(c->observer.context, (long)c->completed);
+    if (phase == PM_COORDINATOR_HELD && c->phase != phase) {
+        c->held_at = c->endpoint.now;
+        c->flushed = false;
+        if (is_at_gate(c) && c->observer.hold != NULL) {
+            c->observer.hold(c->observer.context, (long)c->completed);
+        }
     }
     c->phase = phase;
 }
@@ -106,10 +120,6 @@ static void check(pm_lockstep_coordinator *c, pm_status status) {
     }
 }
 
-static int64_t least(int64_t a, int64_t b) {
-    return a < b ? a : b;
-}
-
 // Returns the number of steps that may be granted when the reports of the first `complete` steps
 // have arrived. It is at most `complete` plus the lookahead, and at most the number that the gate,
 // the pace and the live inputs allow. If fluxes show progress, it is also at most a window beyond
@@ -117,7 +127,8 @@ static int64_t least(int64_t a, int64_t b) {
 static int64_t grant_limit(const pm_lockstep_coordinator *c, int64_t complete) {
     const int window = c->scene->network.window;
     int64_t limit = least(complete + c->lookahead, c->endpoint.steps);
-    limit = least(limit, c->gate.steps > complete ? c->gate.steps : complete);
+    const int64_t most = least(c->gate.steps, c->hold_at);
+    limit = least(limit, most > complete ? most : complete);
     limit = least(limit, pm_pace_limit(&c->pace, c->endpoint.now));
     if (pm_live_inputs_awaited(&c->live) != NULL) {
         limit = least(limit, c->granted);
@@ -279,6 +290,12 @@ static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hel
     }
     if (late && c->checkpoint == NULL && hello->instance != remote->instance) {
         say_second(remote, reason);
+        if (c->stays) { // the process that died takes part in the next run again
+            const double silent = c->endpoint.now - remote->heard;
+            check(c,
+                  silent > pm_health_silence(c->nremote) ? pm_fail(PM_ENET, "%s", reason) : PM_OK);
+            return PM_DROP_SESSION;
+        }
         return refuse(c, hello, reason, true);
     }
     if (!is_greeted(remote, hello->instance)) {
@@ -310,7 +327,7 @@ static pm_drop on_hello(void *context, const void *data, size_t size) {
     }
     if (!is_running(c)) {
         // A process that joins or returns during the end of the run need not wait for a tick.
-        if (!of_process || c->phase != PM_COORDINATOR_CLOSING) {
+        if (!of_process || c->phase != PM_COORDINATOR_CLOSING || c->stays) {
             return PM_DROP_REPEATED;
         }
         const bool failed = c->endpoint.status != PM_OK;
@@ -440,8 +457,9 @@ static pm_drop accept_notice(pm_remote_process *remote) {
         return PM_DROP_REPEATED; // a second instance of the process
     }
     if (failed) {
-        check(c, pm_fail(pm_endpoint_code(report->code), "node %s failed: %s", remote->name,
-                         report->message));
+        const pm_status code = pm_endpoint_code(report->code);
+        check(c, pm_fail(c->stays && code == PM_EINTERRUPTED ? PM_ENET : code, "node %s failed: %s",
+                         remote->name, report->message));
         return PM_KEEP;
     }
     if (is_running(c)) {
@@ -540,11 +558,15 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .dt = c->scene->physics.dt,
         .substeps = c->step_controller.substeps,
         .want_state = c->want_state,
-        .open = c->endpoint.identity.hello.session == 0,
+        .served = c->endpoint.identity.hello.session,
+        .run = c->run,
+        .held = may_rest(c),
         .nanswer = c->nanswer,
         .answer = c->answer,
         .nlive = c->scene->network.nlive,
         .live = (double *)pm_live_inputs_values(&c->live, c->granted - 1),
+        .nstart = c->starts_anywhere && c->granted == 0 ? c->scene->physics.nz : 0,
+        .start = c->start,
     };
     const size_t size = pm_tick_encode(&message, c->tick_data, c->tick_capacity);
     c->tick_wanted = false;
@@ -609,6 +631,18 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
         if (c->completed == complete && (last || c->endpoint.now >= c->ledger_at)) {
             PM_TRY(publish_ledger(c, sample));
         }
+        if (c->stays && c->want_state && c->completed == complete) {
+            const pm_physics *physics = &c->scene->physics;
+            const size_t n = (size_t)physics->nsubsystem * sizeof(double);
+            memcpy(c->last->z, sample->z, (size_t)physics->nz * sizeof *sample->z);
+            memcpy(c->last->energy, sample->energy, n);
+            memcpy(c->last->entropy, sample->entropy, n);
+            memcpy(c->last->bulk_energy, sample->bulk_energy, n);
+            memcpy(c->last->bulk_entropy, sample->bulk_entropy, n);
+            for (int i = 0; i < physics->nport; ++i) {
+                memcpy(c->last->flux[i], sample->flux[i], sizeof sample->flux[i]);
+            }
+        }
         pm_report_window_advance(&c->reports, c->completed);
     }
     return PM_OK;
@@ -633,7 +667,7 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     if (complete >= 0) {
         pm_pace_begin(&c->pace, c->endpoint.now);
     }
-    if (live && c->granted < c->endpoint.steps) {
+    if (live && c->granted < c->endpoint.steps && !may_rest(c)) {
         PM_TRY(pm_live_inputs_check(&c->live, c->endpoint.now));
     }
     const int64_t limit = grant_limit(c, complete);
@@ -647,7 +681,8 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     }
     const pm_status status = book_steps(c, complete);
     c->failed = status != PM_OK;
-    const bool held = c->completed == c->granted && c->completed < c->endpoint.steps;
+    const bool over = c->completed >= c->endpoint.steps;
+    const bool held = c->completed == c->granted && (c->stays || !over);
     enter(c, c->completed < 0 ? PM_COORDINATOR_GATHERING
              : held           ? PM_COORDINATOR_HELD
                               : PM_COORDINATOR_STEPPING);
@@ -663,10 +698,73 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
                  (long long)c->completed, awaited);
         c->observer.warn(c->observer.context, text);
     }
-    if (status == PM_OK && c->completed >= c->endpoint.steps) {
+    if (status == PM_OK && over && !c->stays) {
         enter(c, PM_COORDINATOR_CLOSING);
     }
+    // While the run is held no further sample comes, with which a recording would be flushed.
+    if (status == PM_OK && c->phase == PM_COORDINATOR_HELD && !c->flushed &&
+        c->endpoint.now > c->held_at + FLUSH_AFTER && c->observer.flush != NULL) {
+        c->flushed = true;
+        return c->observer.flush(c->observer.context);
+    }
     return status;
+}
+
+// Prepares the next run of a coordinator that stays, whose session is another. It waits for the
+// reports of the initial state.
+static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
+    const double now = c->endpoint.now;
+    c->endpoint.session = pm_lockstep_session();
+    c->endpoint.steps = steps > 0 ? steps : PM_STEPS_MAX;
+    pm_endpoint_end(&c->endpoint, PM_OK, "");
+    c->run += 1;
+    c->want_state = want_state;
+    c->sums = pm_scene_may_report_sums(c->scene) && !want_state;
+    c->phase = PM_COORDINATOR_GATHERING;
+    c->completed = -1;
+    c->granted = 0;
+    c->commands = 0;
+    c->failed = c->fluxes_requested = false;
+    c->progressed = c->tick_wanted = true;
+    c->ticked_at = c->ledger_at = 0;
+    c->hello_at = now + HELLO_INTERVAL;
+    c->nanswer = 0;
+    for (int i = 0; i < c->nremote; ++i) {
+        pm_remote_process *remote = &c->remote[i];
+        remote->done = -1;
+        remote->moved = true;
+        remote->left = false;
+        memset(remote->seen_step, -1, sizeof remote->seen_step);
+    }
+    pm_report_window_restart(&c->reports, 0);
+    pm_ledger_init(&c->ledger, c->endpoint.system);
+    (void)pm_step_controller_init(&c->step_controller, c->scene); // it succeeded before
+    pm_live_inputs_set(&c->live, NULL);
+    c->pace.begun = -1;
+    c->pace.late = 0;
+    c->pace.latest = 0;
+    c->health.message.session = c->endpoint.session;
+    c->health.message.steps = c->endpoint.steps;
+    c->health.step_before = 0;
+}
+
+pm_status pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c,
+                                        const pm_lockstep_order *order) {
+    renew(c, order->steps, order->want_state);
+    c->waits = false;
+    c->observer = order->observer;
+    c->pace.interval = order->pace > 0 ? c->scene->physics.dt / order->pace : 0;
+    c->starts_anywhere = order->z != NULL;
+    c->hold_at = INT64_MAX;
+    if (order->z != NULL) {
+        memcpy(c->start, order->z, (size_t)c->scene->physics.nz * sizeof *c->start);
+    }
+    if (c->checkpoint == NULL) {
+        return PM_OK;
+    }
+    c->checkpoint_state[0] = -1; // no step is complete
+    return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
+                            c->checkpoint_state);
 }
 
 // --- waiting ---
@@ -706,6 +804,10 @@ static pm_status request_missing(pm_lockstep_coordinator *c) {
     if (c->phase == PM_COORDINATOR_HELD) {
         return publish_tick(c);
     }
+    // A process that rests does not ask for a tick that was lost.
+    if (c->stays) {
+        PM_TRY(publish_tick(c));
+    }
     const bool fluxes = c->hears_fluxes && !c->fluxes_requested && c->granted > 0;
     const int64_t shown = c->granted - c->scene->network.window; // by every process
     bool any = false;
@@ -741,6 +843,10 @@ static pm_status await(pm_lockstep_coordinator *c) {
     char names[512];
     const double patience = c->scene->network.patience, now = c->endpoint.now;
     const double since = c->endpoint.waiting.since, waited = now - since;
+    // Processes may come to a coordinator that stays whenever they like.
+    if (c->phase == PM_COORDINATOR_GATHERING && c->waits) {
+        return pm_waiting_request_due(&c->endpoint.waiting, now) ? request_missing(c) : PM_OK;
+    }
     list_missing(c, fmin(fmax(PAUSE, 2 * pm_vitals_interval(c->nremote)), patience / 2), names,
                  sizeof names);
     if (names[0] != 0) {
@@ -761,6 +867,9 @@ static pm_status await(pm_lockstep_coordinator *c) {
             "no progress for %.3g s, in step %lld, though all processes are alive; reports are "
             "missing from: %s",
             idle, (long long)steps_shown(c), names);
+    }
+    if (c->phase == PM_COORDINATOR_HELD && may_rest(c)) {
+        return now >= c->ticked_at + HEARTBEAT ? publish_tick(c) : PM_OK;
     }
     return pm_waiting_request_due(&c->endpoint.waiting, now) ? request_missing(c) : PM_OK;
 }
@@ -792,9 +901,8 @@ static void close_run(pm_lockstep_coordinator *c) {
     for (int i = 0; i < c->nremote; ++i) {
         all_left = all_left && c->remote[i].left;
     }
-    if (all_left) {
-        enter(c, PM_COORDINATOR_FINISHED);
-    } else if (c->endpoint.now >= c->next) {
+    bool done = all_left;
+    if (!done && c->endpoint.now >= c->next) {
         c->next = c->endpoint.now + COMMAND_INTERVAL;
         // A node that does not receive it gives up by itself.
         const bool failed = c->endpoint.status != PM_OK;
@@ -805,9 +913,21 @@ static void close_run(pm_lockstep_coordinator *c) {
                                 .code = (int8_t)c->endpoint.status,
                                 .reason = c->endpoint.message});
         c->commands += 1;
-        if (c->commands > COMMAND_COUNT) {
-            enter(c, PM_COORDINATOR_FINISHED);
+        done = c->commands > COMMAND_COUNT;
+    }
+    if (done && c->stays && c->endpoint.status != PM_EINTERRUPTED) {
+        renew(c, 0, c->want_state); // the processes join anew
+        c->waits = c->hello_wanted = true;
+        c->starts_anywhere = false;
+        c->hold_at = 0;
+        c->observer = (pm_lockstep_observer){0};
+        for (int i = 0; i < c->nremote; ++i) {
+            pm_remote_process *remote = &c->remote[i];
+            remote->instance = 0;
+            memset(remote->greeted, 0, sizeof remote->greeted);
         }
+    } else if (done) {
+        enter(c, PM_COORDINATOR_FINISHED);
     }
 }
 
@@ -876,7 +996,8 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
         return c->phase == PM_COORDINATOR_CLOSING ? pm_endpoint_clock(&c->endpoint, c->next)
                                                   : INFINITY;
     }
-    const double next = c->endpoint.waiting.next;
+    const bool rests = c->phase == PM_COORDINATOR_HELD && may_rest(c);
+    const double next = rests ? c->ticked_at + HEARTBEAT : c->endpoint.waiting.next;
     const double gate = is_at_gate(c) ? c->gate.read_at : INFINITY;
     const double tick = c->tick_wanted ? next_tick(c) : INFINITY;
     const double due = pm_pace_due(&c->pace, c->granted);
@@ -917,6 +1038,9 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->endpoint.session = given->session > 0 ? given->session : pm_lockstep_session();
     c->endpoint.steps = given->steps > 0 ? given->steps : system->scene->run.steps;
     c->completed = -1;
+    c->run = 1;
+    c->stays = c->waits = given->stays;
+    c->hold_at = c->stays ? 0 : INT64_MAX;
     c->progressed = c->hello_wanted = true;
     c->nremote = system->scene->network.nprocess;
     if (c->endpoint.steps > PM_STEPS_MAX) {
@@ -937,14 +1061,19 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
         }
     }
     c->remote = pm_arena_array(&c->arena, (size_t)c->nremote, sizeof *c->remote);
-    c->tick_capacity =
-        pm_tick_size(&(portmet_tick_t){.nanswer = c->nremote, .nlive = scene->network.nlive});
+    const size_t nstart = c->stays ? (size_t)scene->physics.nz : 0;
+    c->tick_capacity = pm_tick_size(&(portmet_tick_t){
+        .nanswer = c->nremote, .nlive = scene->network.nlive, .nstart = (int32_t)nstart});
     c->tick_data = pm_arena_alloc(&c->arena, c->tick_capacity);
     c->answer = pm_arena_array(&c->arena, (size_t)c->nremote, sizeof *c->answer);
+    c->start = pm_arena_array(&c->arena, nstart, sizeof *c->start);
     PM_TRY_DONE(pm_arena_status(&c->arena, "the coordinator"));
     for (int i = 0; i < c->nremote; ++i) {
         c->remote[i].coordinator = c;
         PM_TRY_DONE(pm_remote_process_init(&c->remote[i], &c->arena, scene, i));
+    }
+    if (c->stays) {
+        PM_TRY_DONE(pm_sample_new(&c->last, scene));
     }
     c->pace = pm_pace_of(scene);
     PM_TRY_DONE(pm_gate_init(&c->gate, given->gate));
@@ -981,6 +1110,7 @@ done:
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *c) {
     if (c != NULL) {
         pm_report_window_free(&c->reports);
+        pm_sample_free(c->last);
         pm_arena_free(&c->arena);
         free(c);
     }

@@ -12,6 +12,11 @@
 // Live inputs and pace: a step is granted when the values of its live inputs are there
 // (live_inputs.h), and no sooner than the scene's pace allows (pace.h).
 //
+// One run after another: a coordinator that stays waits for pm_lockstep_coordinator_begin, and when
+// the run is over, or has failed, for the next one. The processes keep following it: a tick with
+// another session, the number of the run and its start takes them to the next run, at the cost of
+// one round of messages. After a failure they join anew.
+//
 // Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
 // held there it repeats its last tick, which shows the nodes that it is alive. As at any other
 // step, the run fails if a node is silent for longer than the scene's patience.
@@ -74,6 +79,7 @@ typedef struct pm_lockstep_coordinator_options {
     const char *checkpoint;        // file of checkpoints; the run continues from it if it holds the
                                    // session `session`, or any session where `session` is 0; NULL:
                                    // no checkpoints
+    bool stays;                    // it serves one run after another, and waits for the first
     const char *gate;              // file with the number of steps that may be granted (gate.h);
                                    // NULL: all of them
     const double *replay; // [replayed][scene->nlive] values of the live inputs in each step; NULL:
@@ -106,6 +112,20 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator
 // observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
+// The run that a coordinator that stays is to begin.
+typedef struct pm_lockstep_order {
+    int64_t steps;   // 0: until somebody holds it
+    const double *z; // [scene->nz] the state at the start, copied; NULL: the scene's
+    double pace;     // simulated s per s; 0: as fast as it can be
+    bool want_state; // the observer needs z
+    pm_lockstep_observer observer;
+} pm_lockstep_order;
+
+// Begins a run with a coordinator that stays, in the phase STEPPING or HELD: all processes are
+// there. A run that goes on is given up. With a checkpoint: what saving it returns.
+pm_status pm_lockstep_coordinator_begin(pm_lockstep_coordinator *coordinator,
+                                        const pm_lockstep_order *order);
+
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
 
@@ -136,8 +156,17 @@ struct pm_lockstep_coordinator {
     pm_arena arena;
     const pm_scene *scene;
     pm_lockstep_observer observer;
-    bool want_state; // reports carry the state z
-    bool sums;       // reports have sums, and list only some subsystems
+    bool want_state;      // reports carry the state z
+    bool stays;           // it serves one run after another
+    bool waits;           // it stays, and no run has begun since its processes came
+    int64_t run;          // number of the run, from 1
+    int64_t hold_at;      // steps that may be granted; INT64_MAX: all of them
+    double *start;        // [nz] where the run starts, if it stays and `starts_anywhere`
+    bool starts_anywhere; // not where the scene says
+    pm_sample *last;      // of the last step completed, if it stays and `want_state`
+    double held_at;       // s, when the run was last held
+    bool flushed;         // the observer has flushed its files since then
+    bool sums;            // reports have sums, and list only some subsystems
     int nbetween;
     int *between; // [nbetween] ports between two processes, which no report sums up
 

@@ -12,6 +12,7 @@
 
 // Another thread (LCM's) may receive the signal, which then does not wake this one.
 #define STOP_INTERVAL 0.1 // s between two readings of the stop flag, at most
+#define LONGEST_WAIT 0.4  // s between them while nothing is to be done for much longer
 
 // --- identity ---
 
@@ -255,9 +256,10 @@ pm_status pm_endpoint_wait(const pm_endpoint *endpoint, double until, double now
                            const volatile sig_atomic_t *stop) {
     const double wait = until - now;
     PM_TRY(pm_transport_wait(endpoint->transport,
-                             wait <= 0              ? 0
-                             : wait < STOP_INTERVAL ? wait
-                                                    : STOP_INTERVAL,
+                             wait <= 0                 ? 0
+                             : wait < STOP_INTERVAL    ? wait
+                             : wait > 4 * LONGEST_WAIT ? LONGEST_WAIT
+                                                       : STOP_INTERVAL,
                              NULL));
     return stop != NULL && *stop != 0 ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
 }

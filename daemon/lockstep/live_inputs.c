@@ -114,21 +114,38 @@ pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_ar
     PM_TRY(pm_arena_status(arena, "live inputs"));
     for (int i = 0; i < scene->network.nlive_input; ++i) {
         const pm_scene_live_input *input = &scene->network.live_input[i];
-        const size_t size = (size_t)input->count * sizeof *input->start;
         pm_live_channel *channel = &live->channel[i];
         *channel = (pm_live_channel){.owner = live, .input = input};
         channel->step = pm_arena_array(arena, PM_LIVE_AHEAD, sizeof *channel->step);
         channel->value =
             pm_arena_array(arena, PM_LIVE_AHEAD * (size_t)input->count, sizeof *channel->value);
         PM_TRY(pm_arena_status(arena, "live inputs"));
-        memset(channel->step, -1, PM_LIVE_AHEAD * sizeof *channel->step);
-        memcpy(channel->value, input->start, size);
-        memcpy(live->taken[1] + input->first, input->start, size);
         if (replay == NULL && transport != NULL) {
             PM_TRY(pm_transport_subscribe(transport, input->channel, on_message, channel));
         }
     }
+    pm_live_inputs_set(live, NULL);
     return PM_OK;
+}
+
+void pm_live_inputs_set(pm_live_inputs *live, const double *values) {
+    live->next = values == NULL ? 0 : live->next;
+    for (int i = 0; i < live->scene->network.nlive_input; ++i) {
+        pm_live_channel *channel = &live->channel[i];
+        const pm_scene_live_input *input = channel->input;
+        const size_t size = (size_t)input->count * sizeof *values;
+        if (values == NULL) {
+            channel->any = channel->fresh = false;
+            memset(channel->step, -1, PM_LIVE_AHEAD * sizeof *channel->step);
+            memcpy(channel->value, input->start, size);
+            memcpy(live->taken[1] + input->first, input->start, size);
+        } else {
+            const int64_t slot = input->waits ? live->next % PM_LIVE_AHEAD : 0;
+            channel->step[slot] = live->next;
+            memcpy(channel->value + slot * input->count, values + input->first, size);
+        }
+        channel->set = values != NULL;
+    }
 }
 
 // --- steps ---
@@ -157,7 +174,7 @@ const char *pm_live_inputs_awaited(const pm_live_inputs *live) {
         const pm_live_channel *channel = &live->channel[i];
         const bool here = channel->input->waits
                               ? channel->step[live->next % PM_LIVE_AHEAD] == live->next
-                              : channel->any || channel->input->starts;
+                              : channel->any || channel->set || channel->input->starts;
         if (!here) {
             return channel->input->channel;
         }

@@ -54,6 +54,13 @@
 // RUNNING                     own failure, interrupt             FAILING
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
 // FAILING                                                                    keeps no checkpoint
+// RUNNING                     tick of its coordinator with a     RUNNING   report of step 0
+//                               later run, granted = 0
+//
+// A node that stays goes to HELLO where the table says FINISHED, but for a refusal and an
+// interrupt, and where it says FAILING because the coordinator is silent. In HELLO it waits as long
+// as it takes. A tick may say that the run is held: the node then asks for nothing until another
+// tick or a request of the coordinator comes.
 #include "lockstep/node.h"
 
 #include <math.h>
@@ -67,6 +74,8 @@
 #include "store/snapshot.h"
 
 #define HELLO_INTERVAL 0.1   // s
+#define HELLO_LATER 1.0      // s between two hellos of a node that stays, after HELLO_SOON
+#define HELLO_SOON 3.0       // s
 #define FAILED_INTERVAL 0.02 // s between repetitions of FAILED
 #define FAILED_COUNT 16      // FAILED is sent so often, unless the coordinator answers with ABORT
 #define EACH_ASK 0.002       // s between two questions before the first step, for each process
@@ -153,6 +162,18 @@ static void ask(pm_lockstep_node *node, int64_t coordinator) {
     publish_question(node);
 }
 
+// Waits for another run, with another session.
+static void rejoin(pm_lockstep_node *node) {
+    pm_endpoint_end(&node->endpoint, PM_OK, "");
+    node->endpoint.session = node->coordinator = node->granted = node->to_ask = 0;
+    node->endpoint.identity.hello.coordinator = 0;
+    node->followed = (portmet_tick_t){0};
+    node->failures = 0;
+    node->late = node->held = false;
+    pm_identity_renew(&node->endpoint.identity);
+    enter(node, PM_NODE_HELLO);
+}
+
 // Returns the position of a neighbour among the peers of the vitals; NULL stands for the
 // coordinator.
 static int peer(const pm_lockstep_node *node, const pm_flux_link *link) {
@@ -229,8 +250,8 @@ static pm_status report(pm_lockstep_node *node) {
         .time = pm_scene_time(node->scene, node->step),
     };
     PM_TRY(pm_reporter_add_step(&node->reporter, &head, &node->subsystems, node->want_state));
-    const bool awaited =
-        !is_granted(node) && !(node->fluxes_show_progress && may_publish_ahead(node));
+    const bool ahead = !node->held && node->fluxes_show_progress && may_publish_ahead(node);
+    const bool awaited = !is_granted(node) && !ahead;
     if (!awaited && node->endpoint.now < node->report_at) {
         return PM_OK;
     }
@@ -265,6 +286,37 @@ static pm_status roll_back(pm_lockstep_node *node, int64_t step) {
     node->started = false;
     node->progressed = true;
     return found == 0 ? report(node) : PM_OK;
+}
+
+// Takes the subsystems to step 0 of a run, at the initial state or at the start that the tick
+// names.
+static void restart(pm_lockstep_node *node, const portmet_tick_t *tick) {
+    pm_checkpoint_ring *ring = &node->checkpoints;
+    pm_process_subsystems *subsystems = &node->subsystems;
+    pm_local_subsystems_set_state(subsystems->local,
+                                  tick->nstart > 0 ? tick->start : node->initial);
+    // Messages of the run before are forgotten.
+    for (int i = 0; i < subsystems->nlink; ++i) {
+        for (int k = 0; k < PM_INBOX_DEPTH; ++k) {
+            subsystems->link[i].inbox_key[k] = -1;
+        }
+    }
+    pm_resend_buffer_clear(&subsystems->sent);
+    node->reporter.rows = 0;
+    node->reporter.count = 0;
+    pm_resend_buffer_clear(&node->reporter.sent);
+    memset(node->requests, 0, (size_t)(node->subsystems.nlink + 1) * sizeof *node->requests);
+    node->step = node->furthest = 0;
+    node->round = 0;
+    node->started = false;
+    node->progressed = true;
+    if (tick->nlive > 0) {
+        memcpy(node->live, tick->live, (size_t)tick->nlive * sizeof *node->live);
+    }
+    if (ring->path != NULL) {
+        ring->state[0] = -1;
+        save_state(newer(ring), 0, &node->subsystems);
+    }
 }
 
 // Begins the run at the initial state, or at this process's last checkpoint of the session. The
@@ -362,6 +414,7 @@ static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
     const bool chosen = pm_physics_is_adaptive(&node->scene->physics);
     return tick->steps >= 0 && tick->steps <= PM_STEPS_MAX && tick->granted >= 0 &&
            tick->granted <= tick->steps && tick->instance != 0 &&
+           (tick->nstart == 0 || tick->nstart == node->scene->physics.nz) &&
            (!chosen || (tick->substeps >= 1 && tick->substeps <= PM_MOST_SUBSTEPS));
 }
 
@@ -383,6 +436,7 @@ static void follow(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->granted = tick->granted;
     node->substeps = substeps_of(node, tick);
     node->want_state = tick->want_state != 0;
+    node->held = tick->held != 0;
 }
 
 // A tick in HELLO. One that answers nothing only tells that there is a coordinator, which is asked
@@ -391,8 +445,8 @@ static void follow(pm_lockstep_node *node, const portmet_tick_t *tick) {
 static pm_drop hear_first(pm_lockstep_node *node, const portmet_tick_t *tick, bool answers) {
     // A tick of a run that this node was started for, with the same digest.
     const int64_t asked = node->endpoint.identity.hello.session;
-    const bool wanted = asked == 0 ? tick->open : tick->session == asked;
-    if (!wanted || tick->session <= 0 || tick->digest != (int64_t)node->endpoint.system->digest) {
+    if (tick->served != asked || tick->session <= 0 ||
+        tick->digest != (int64_t)node->endpoint.system->digest) {
         return PM_DROP_SESSION;
     }
     if (!is_sane(node, tick)) {
@@ -418,6 +472,9 @@ static pm_drop hear_first(pm_lockstep_node *node, const portmet_tick_t *tick, bo
     enter(node, PM_NODE_RUNNING);
     follow(node, tick);
     note_used(node, NULL);
+    if (tick->granted == 0 && node->initial != NULL) {
+        restart(node, tick);
+    }
     if (tick->granted > 0) {
         // The hello reveals this node to another one of the same name, which may have missed its
         // earlier hellos.
@@ -440,7 +497,9 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     portmet_tick_t message = {.nanswer = node->scene->network.nprocess,
                               .answer = node->answers,
                               .nlive = node->scene->network.nlive,
-                              .live = node->heard};
+                              .live = node->heard,
+                              .nstart = node->scene->physics.nz,
+                              .start = node->start};
     const portmet_tick_t *tick = &message;
     PM_TRY_KEEP(pm_tick_decode(&message, data, size));
     if (tick->nlive != node->scene->network.nlive) {
@@ -455,6 +514,18 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     if (node->phase == PM_NODE_HELLO) {
         return hear_first(node, tick, answers);
     }
+    const bool later = node->phase == PM_NODE_RUNNING && tick->instance == node->coordinator &&
+                       tick->run > node->followed.run;
+    if (later && tick->granted == 0 && tick->session > 0 && is_sane(node, tick) &&
+        tick->digest == (int64_t)node->endpoint.system->digest &&
+        tick->dt == node->scene->physics.dt && node->initial != NULL) {
+        node->endpoint.session = tick->session;
+        follow(node, tick);
+        note_used(node, NULL);
+        restart(node, tick);
+        check(node, begin(node));
+        return PM_KEEP;
+    }
     if (tick->session != node->endpoint.session || node->phase != PM_NODE_RUNNING) {
         return PM_DROP_SESSION;
     }
@@ -464,7 +535,7 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     const bool is_followed = tick->instance == followed->instance &&
                              tick->digest == followed->digest && tick->steps == followed->steps &&
                              tick->dt == followed->dt && tick->want_state == followed->want_state &&
-                             tick->open == followed->open;
+                             tick->served == followed->served && tick->run == followed->run;
     if (!is_followed && !answers) {
         ask(node, tick->instance);
         return PM_DROP_RANGE;
@@ -493,6 +564,7 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     if (tick->granted > most_granted(node)) {
         return PM_DROP_IMPLAUSIBLE;
     }
+    node->held = tick->held != 0;
     // Two ticks that grant the same steps carry the same substeps and live inputs.
     const bool same = tick->granted == node->granted;
     const size_t live_size = (size_t)tick->nlive * sizeof *tick->live;
@@ -777,6 +849,7 @@ static pm_drop on_request(void *context, const void *data, size_t size) {
             return PM_DROP_RANGE;
         }
         node->coordinator_alive = true;
+        node->held = node->held && request->step <= node->granted;
     }
     char reason[256];
     if (strcmp(request->sender, node->name) == 0 && is_to_refuse(node, request->instance, reason)) {
@@ -843,9 +916,17 @@ static pm_status await(pm_lockstep_node *node) {
         node->progressed = false;
     }
     if (pm_waiting_is_over(waiting, node->coordinator_heard, node->scene->network.patience, now)) {
+        if (node->stays) {
+            rejoin(node);
+            return PM_OK;
+        }
         return pm_fail(PM_ETIMEOUT,
                        "no word from the coordinator for %.3g s, in round %d of step %lld",
                        now - waiting->since, node->round, (long long)node->step);
+    }
+    if (node->held && node->step >= node->granted) {
+        node->next = now + node->scene->network.patience / 4;
+        return pm_reporter_flush(&node->reporter);
     }
     if (!pm_waiting_request_due(waiting, now)) {
         node->next = waiting->next;
@@ -896,7 +977,8 @@ static pm_status say_hello(pm_lockstep_node *node) {
                        scene->name, scene->network.patience);
     }
     if (node->endpoint.now >= node->next) {
-        node->next = node->endpoint.now + HELLO_INTERVAL;
+        const bool later = node->stays && node->endpoint.now > node->waited + HELLO_SOON;
+        node->next = node->endpoint.now + (later ? HELLO_LATER : HELLO_INTERVAL);
         PM_TRY(pm_identity_publish_hello(&node->endpoint.identity));
     }
     return PM_OK;
@@ -909,11 +991,22 @@ static void start_clock(pm_lockstep_node *node) {
     if (node->until != 0) {
         return;
     }
-    const double duration = node->phase == PM_NODE_HELLO     ? node->scene->network.patience
+    const bool forever = node->phase == PM_NODE_HELLO && node->stays;
+    const double duration = forever                          ? INFINITY
+                            : node->phase == PM_NODE_HELLO   ? node->scene->network.patience
                             : node->phase == PM_NODE_LEAVING ? LEAVE_LINGER
                                                              : INFINITY;
     node->until = node->endpoint.now + duration;
-    node->next = node->endpoint.now;
+    node->next = node->waited = node->endpoint.now;
+}
+
+// Ends the node, or takes one that stays to the next run.
+static void finish(pm_lockstep_node *node) {
+    if (node->stays) {
+        rejoin(node);
+    } else {
+        node->phase = PM_NODE_FINISHED;
+    }
 }
 
 double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
@@ -950,7 +1043,7 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
     // single one, which the network may have lost.
     if (node->phase == PM_NODE_FAILING && now >= node->next) {
         if (node->failures == FAILED_COUNT) {
-            node->phase = PM_NODE_FINISHED;
+            finish(node);
         } else {
             node->next = now + FAILED_INTERVAL;
             node->failures += 1;
@@ -966,7 +1059,9 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock) {
     }
     if (node->phase == PM_NODE_LEAVING) {
         node->next = node->until;
-        node->phase = now >= node->until ? PM_NODE_FINISHED : PM_NODE_LEAVING;
+        if (now >= node->until) {
+            finish(node);
+        }
     }
     return node->phase == PM_NODE_FINISHED
                ? INFINITY
@@ -994,6 +1089,8 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     endpoint->transport = transport;
     endpoint->arena = arena;
     made->scene = scene;
+    made->stays = given->stays;
+    made->initial = given->z;
     made->name = scene->network.process[process_id].name;
     made->live = given->live;
     made->alive = given->alive;
@@ -1016,6 +1113,7 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     }
     made->answers = pm_arena_array(arena, (size_t)scene->network.nprocess, sizeof *made->answers);
     made->heard = pm_arena_array(arena, (size_t)scene->network.nlive, sizeof *made->heard);
+    made->start = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *made->start);
     made->requests = pm_arena_array(arena, (size_t)subsystems->nlink + 1, sizeof *made->requests);
     PM_TRY_DONE(pm_vitals_init(&made->vitals, arena, scene, process_id, subsystems->nlink));
     made->rounds = pm_local_subsystems_most_rounds(subsystems->local);
@@ -1051,7 +1149,12 @@ pm_status pm_lockstep_run_node(pm_lockstep_node *node, const volatile sig_atomic
     double next = pm_lockstep_node_poll(node, now);
     while (node->phase != PM_NODE_FINISHED) {
         pm_lockstep_node_rest(node, pm_clock());
-        check(node, pm_endpoint_wait(&node->endpoint, next, now, stop));
+        const pm_status status = pm_endpoint_wait(&node->endpoint, next, now, stop);
+        if (status == PM_EINTERRUPTED && node->stays) {
+            node->stays = false; // no other run
+            node->phase = node->phase == PM_NODE_HELLO ? PM_NODE_FINISHED : node->phase;
+        }
+        check(node, status);
         now = pm_clock();
         next = pm_lockstep_node_poll(node, now);
     }

@@ -8,7 +8,11 @@
 // finished. If a message takes longer than usual, the node requests it (endpoint.h). The node fails
 // if the coordinator is silent for longer than the scene's patience.
 //
-// Death and return: with a checkpoint, a node saves its state at regular steps .
+// Several runs: a coordinator that stays begins one run after another; its ticks take the node to
+// the start of the next one. A node that stays also outlives its coordinator, and runs that have
+// failed.
+//
+// Death and return: with a checkpoint, a node saves its state at regular steps.
 // After a restart it continues from there and requests the fluxes that it missed. If another
 // process requests a message that the node no longer holds, the node rolls back to its own
 // checkpoint and recomputes the message, with the same bits. Receivers drop messages that they have
@@ -27,8 +31,10 @@ typedef struct pm_lockstep_node_options {
     const double *z; // [scene->nz] initial state of the whole scene; NULL: as the scene says
     int64_t session; // the only session to join; 0: any open session with the node's digest
     const pm_boundary_input *boundary_input; // NULL: the scene has none
-    double *live;           // [scene->nlive] where the node writes the values of live inputs, for
-                            // boundary_input->live; NULL only if the scene has none
+    double *live; // [scene->nlive] where the node writes the values of live inputs, for
+                  // boundary_input->live; NULL only if the scene has none
+    bool stays; // after a run, and after a failure that is not its own, it waits for the next one,
+                // as long as it takes
     const char *checkpoint; // file to save checkpoints in and to continue from; NULL: none
     // Called about once a second, with the number of steps computed, so that others see that the
     // node is alive. May be NULL.
@@ -134,6 +140,11 @@ struct pm_lockstep_node {
     int64_t granted;     // steps
     bool want_state;     // reports carry the state z
     bool late;           // in HELLO: a run is under way that this node cannot join
+    bool held;           // no further step is granted until somebody asks for it
+    bool stays;          // it serves one run after another
+    const double *initial; // [scene->nz] borrowed: where a run starts, unless a tick says otherwise
+    double *start;         // [scene->nz] scratch for the start in a tick
+    double waited;         // s, when it began to wait for a coordinator
     bool coordinator_alive;   // the coordinator sent a message since the last poll
     double coordinator_heard; // s, when a message of the coordinator last arrived
 

@@ -28,6 +28,9 @@ typedef struct pm_resend_buffer {
 pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int depth,
                                 size_t capacity);
 
+// Forgets all messages.
+void pm_resend_buffer_clear(pm_resend_buffer *buffer);
+
 // Returns the memory [capacity] into which the next message is to be encoded. The message replaces
 // the oldest one.
 unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer);

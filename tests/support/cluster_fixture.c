@@ -17,7 +17,7 @@
 #define TOO_LONG 60.0 // s, virtual
 
 // Compares every number of a sample with the plain loop's.
-static pm_status compare(void *context, const pm_sample *sample) {
+pm_status cluster_compare(void *context, const pm_sample *sample) {
     cluster *c = context;
     if (sample->step > 0) {
         assert_int_equal(pm_monolithic_step(c->assembly), PM_OK);
@@ -84,12 +84,13 @@ static void add_coordinator(cluster *c) {
         .session = c->session,
         .want_state = true,
         .observer = {.context = c,
-                     .step = compare,
+                     .step = cluster_compare,
                      .pause = tell_pause,
                      .hold = tell_hold,
                      .record = put_steps,
                      .resume = resume},
         .gate = c->gate,
+        .stays = c->stays,
         .checkpoint = checkpoint_of(c, c->count),
     };
     assert_int_equal(pm_hub_connect(c->hub, &c->coordinator_transport), PM_OK);
@@ -197,7 +198,7 @@ bool cluster_has(const cluster *c, int i) {
 
 void cluster_add(cluster *c, int i, const pm_system *system, int64_t session) {
     const pm_lockstep_node_options options = {
-        .z = c->f.z, .session = session, .checkpoint = checkpoint_of(c, i)};
+        .z = c->f.z, .session = session, .stays = c->stays, .checkpoint = checkpoint_of(c, i)};
     assert_int_equal(pm_lockstep_node_open(&c->node[i], system, i, c->transport[i], &options),
                      PM_OK);
 }

@@ -34,6 +34,7 @@ typedef struct cluster {
     char silent[64];                 // the nodes that the coordinator last called silent
     int pauses;                      // calls of the observer's pause
     const char *gate;                // NULL: none
+    bool stays;                      // coordinator and nodes serve one run after another
     long held_at;                    // the step of the last call of the observer's hold
     int holds;                       // calls of the observer's hold
     pm_hub *hub;
@@ -87,6 +88,9 @@ double cluster_run(cluster *c);
 void cluster_run_to(cluster *c, long step);
 // Runs for `seconds`, without polling node `absent`.
 void cluster_run_without(cluster *c, int absent, double seconds);
+
+// An observer's step with the cluster as its context: compares the sample with the plain loop's.
+pm_status cluster_compare(void *context, const pm_sample *sample);
 
 // Asserts that coordinator and nodes ended well, and that all samples were compared.
 void assert_all_ok(cluster *c);

@@ -47,6 +47,15 @@ for command in run node coordinator check; do
     expect 2 'unknown option "-x"' $command -x "$scene"
     expect 2 "--weights needs a value" $command "$scene" --weights
 done
+for command in serve start pause resume advance set reset stop query reload; do
+    succeed "Usage: portmetd $command SCENE" $command --help
+    expect 2 "$command: expected SCENE" $command
+    expect 2 'unknown option "--wrong"' $command --wrong "$scene"
+done
+expect 2 "--pace: expected a number of at least 0" start "$scene" --pace fast
+expect 2 "--state: expected numbers with commas" start "$scene" --state 1,a
+expect 2 "--state: expected 6 numbers" reset "$scene" --state 1,2
+expect 2 "mpi://" serve "$scene" --url mpi://
 expect 2 "expected a command"
 expect 2 '"walk"' walk
 expect 2 "found 2 arguments" run "$scene" "$scene"

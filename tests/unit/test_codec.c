@@ -41,7 +41,10 @@ static portmet_tick_t tick = {
     .dt = 0.3,
     .substeps = 16,
     .want_state = 1,
-    .open = 1,
+    .served = 3,
+    .run = 2,
+    .held = 1,
+    .nstart = COUNT,
     .nanswer = COUNT,
     .nlive = COUNT,
 };
@@ -137,7 +140,7 @@ typedef struct codec_case {
         return (size_t)portmet_##type##_t_encoded_size(&type);                                   \
     }                                                                                            \
     static pm_drop decode_##type(const void *data, size_t size, void *back, size_t *back_size) { \
-        portmet_##type##_t message = {.session = 0};                                             \
+        portmet_##type##_t message = {0};                                                        \
         set_arrays(&pm_##type##_type, &message, true);                                           \
         const pm_drop drop = pm_##type##_decode(&message, data, size);                           \
         *back_size = drop == PM_KEEP ? pm_##type##_encode(&message, back, CAPACITY) : 0;         \
@@ -292,7 +295,7 @@ static void test_hostile_counts_are_dropped(void **context) {
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
     const size_t report_parts = 8 + 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
-    const size_t tick_answers = 8 + 5 * 8 + 8 + 4 + 2;
+    const size_t tick_answers = 8 + 5 * 8 + 8 + 4 + 1 + 2 * 8 + 1;
     const size_t tick_live = tick_answers + 4 + 8 * COUNT;
     const size_t of_part = arrays_of(&pm_report_type, offsetof(portmet_report_t, npart));
     const size_t of_end = arrays_of(&pm_report_type, offsetof(portmet_report_t, nend));
@@ -335,7 +338,7 @@ static void test_numbers_must_be_finite(void **context) {
     }
     unsigned char boolean[CAPACITY];
     const size_t size = pm_tick_encode(&tick, boolean, sizeof boolean);
-    boolean[size - 1 - 2 * (4 + 8 * COUNT)] = 2; // before the answers and the live values
+    boolean[size - 1 - 3 * (4 + 8 * COUNT)] = 2; // `held`, before the arrays
     assert_drop(&cases[1], boolean, size, PM_DROP_NUMBER);
 }
 

@@ -124,7 +124,7 @@ static void test_failure_is_named_with_its_code_and_line(void **state) {
     const double begin = pm_clock();
     pm_status status = PM_OK;
     while (status == PM_OK && pm_clock() - begin < SLEEP) {
-        status = pm_launch_watch(launch);
+        status = pm_launch_watch(launch, NULL);
     }
     assert_int_equal(status, PM_ENUMERIC);
     assert_string_equal(pm_error(), "process lower ended with exit code 9: q[0] is nan");
@@ -174,7 +174,7 @@ static void test_child_that_keeps_dying_is_given_up(void **state) {
     const double begin = pm_clock();
     pm_status status = PM_OK;
     while (status == PM_OK && pm_clock() - begin < SLEEP) {
-        status = pm_launch_watch(launch);
+        status = pm_launch_watch(launch, NULL);
         assert_false(pm_launch_ended_well(launch, 0));
     }
     assert_int_equal(status, PM_ENET);

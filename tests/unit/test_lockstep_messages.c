@@ -150,7 +150,8 @@ typedef struct forger {
 #define TICK_OF(reason, later_, granted_)                                                         \
     DROPS(node, tick, "chain_TICK", reason, .session = OWN,                                       \
           .instance = cluster_instance(&f->c) + later_, .digest = (int64_t)f->c.f.system->digest, \
-          .granted = granted_, .steps = STEPS, .dt = f->c.f.scene->physics.dt, .want_state = 1)
+          .granted = granted_, .steps = STEPS, .dt = f->c.f.scene->physics.dt, .want_state = 1,   \
+          .served = OWN, .run = 1)
 
 static double time_of(const forger *f, int64_t step) {
     return pm_scene_time(f->c.f.scene, (long)step);
@@ -159,13 +160,14 @@ static double time_of(const forger *f, int64_t step) {
 // Before a node has begun.
 static void forge_beginnings(forger *f) {
     const int64_t digest = (int64_t)f->c.f.system->digest;
-    DROPS(node, tick, "chain_TICK", SESSION, .session = OWN, .digest = digest + 1, .steps = 20);
+    DROPS(node, tick, "chain_TICK", SESSION, .session = OWN, .served = OWN, .digest = digest + 1,
+          .steps = 20);
     DROPS(node, tick, "chain_TICK", SESSION, .session = FOREIGN, .digest = digest, .steps = 20,
-          .open = 1);
-    DROPS(node, tick, "chain_TICK", IMPLAUSIBLE, .session = OWN, .digest = digest, .instance = 1,
-          .steps = -1);
-    DROPS(node, tick, "chain_TICK", IMPLAUSIBLE, .session = OWN, .digest = digest, .instance = 1,
-          .steps = INT64_MAX);
+          .served = FOREIGN, .run = 1);
+    DROPS(node, tick, "chain_TICK", IMPLAUSIBLE, .session = OWN, .served = OWN, .digest = digest,
+          .instance = 1, .steps = -1);
+    DROPS(node, tick, "chain_TICK", IMPLAUSIBLE, .session = OWN, .served = OWN, .digest = digest,
+          .instance = 1, .steps = INT64_MAX);
     TICK_OF(SESSION, 0, 0); // answers nobody, such as one of an earlier run
     DROPS(node, command, "chain_COMMAND", SESSION, .session = FOREIGN, .kind = 1, .reason = "");
     DROPS(node, command, "chain_COMMAND", RANGE, .session = OWN, .kind = 1, .reason = "");
@@ -285,6 +287,8 @@ static void test_later_coordinator_grants_anew(void **context) {
                                          .steps = STEPS,
                                          .dt = c.f.scene->physics.dt,
                                          .want_state = 1,
+                                         .served = 77,
+                                         .run = 1,
                                          .nanswer = answers ? 2 : 0,
                                          .answer = nonces};
             unsigned char data[256];

@@ -140,6 +140,36 @@ class Listening(unittest.TestCase):
         scene = portmet.Scene("configs/double_pendulum.yaml").step(5)
         self.assertEqual((ledgers[-1].step, ledgers[-1].energy), (5, scene.ledger.energy))
 
+    def test_remote(self):
+        path = "configs/double_pendulum.yaml"
+        service = subprocess.Popen(["portmetd", "serve", path], stderr=subprocess.DEVNULL)
+        try:
+            scene = portmet.Scene(path)
+            with portmet.Remote("double_pendulum") as remote:
+                self.assertEqual((remote.variables, remote.units), (scene.variables, scene.units))
+                for count in 0, 1, 20:
+                    remote.step(count)
+                    scene.step(count)
+                    self.assertEqual((remote.steps, remote.time), (scene.steps, scene.time))
+                    for name in "state", "energy", "entropy", "bulk_energy", "bulk_entropy":
+                        self.assertTrue((getattr(remote, name) == getattr(scene, name)).all(), name)
+                    self.assertTrue((remote["lower"]["p"] == scene["lower"]["p"]).all())
+                    self.assertTrue((remote.ports["joint"].energy == scene.ports["joint"].energy).all())
+                    self.assertEqual(remote.ledger.energy, scene.ledger.energy)
+                state = 1.01 * scene.state
+                remote.restart(state).step(7)
+                scene.restart(state).step(7)
+                self.assertTrue((remote.state == scene.state).all())
+                with self.assertRaisesRegex(portmet.Error, "is under way"):
+                    portmet.Remote("double_pendulum")
+                with self.assertRaises(ValueError):
+                    remote.restart(state[1:])
+            with self.assertRaisesRegex(portmet.Error, "no service of scene other"):
+                portmet.Remote("other", timeout=0.2)
+        finally:
+            service.terminate()
+            self.assertEqual(service.wait(), 0)
+
     def test_publishing(self):
         with portmet.Listener(channels="HELLO") as hears, portmet.Listener() as speaks:
             speaks.publish("OTHER", b"not this")

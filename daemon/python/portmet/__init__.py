@@ -12,9 +12,10 @@ from ._library import Error, version
 from .files import Dataset, Recording, Weights
 from .listener import Listener
 from .plot import plot
+from .remote import Remote
 from .scene import Part, Scene
 from .train import Fit, evaluate, fit, import_tables, propose
 
 __version__ = version()
-__all__ = ["Dataset", "Error", "Fit", "Listener", "Part", "Recording", "Scene", "Weights", "evaluate",
-           "fit", "import_tables", "plot", "propose", "version"]
+__all__ = ["Dataset", "Error", "Fit", "Listener", "Part", "Recording", "Remote", "Scene", "Weights",
+           "evaluate", "fit", "import_tables", "plot", "propose", "version"]

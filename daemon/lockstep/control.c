@@ -1,0 +1,415 @@
+// Requests of clients: who asks, what is done, and what the reply says.
+#include "lockstep/control.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "transport/channel.h"
+
+#define CLIENTS 64      // that are remembered
+#define NAME 64         // bytes of a client's name, and of a recording's, with the terminator
+#define PAGE_BYTES 1000 // of the description in a reply
+#define UNANSWERED (-1) // kind of a reply that is not due yet
+
+typedef struct client {
+    int64_t id;            // 0: free
+    int64_t ticket, nonce; // of its last reply; of its last request
+    int64_t used;          // requests of all clients when it last asked
+    int64_t target;        // ADVANCE: steps when it is done
+    int8_t kind;           // of its last request
+    int8_t reply, code;    // of the reply to it
+    bool waits;            // the request is not done
+    char name[NAME];
+    char text[PM_TEXT_MAX + 1];
+} client;
+
+struct pm_control {
+    pm_arena arena;
+    pm_lockstep_coordinator *coordinator;
+    pm_control_service service;
+    portmet_control_t request, largest; // being decoded; arrays and largest counts
+    double *flux[2];                    // [2 * nport] energy and entropy fluxes of a reply
+    unsigned char *data;                // [capacity] the encoded reply
+    size_t capacity;
+    char channel[PM_CHANNEL_SIZE]; // of replies
+    pm_control_run run;            // the last one
+    char owner[NAME], record[NAME];
+    bool active, stopping; // a run is under way; it ends after the steps that are granted
+    int waiting;           // clients that wait
+    int64_t asked;         // requests so far
+    client client[CLIENTS];
+};
+
+// --- replies ---
+
+// Publishes the reply `kind` to a request of the client. `pages` is not 0 for QUERY alone.
+static void reply(pm_control *control, const client *to, int64_t nonce, int8_t kind, int8_t code,
+                  const char *text, int pages) {
+    const pm_lockstep_coordinator *c = control->coordinator;
+    const pm_ledger *ledger = &c->ledger;
+    const pm_physics *physics = &c->scene->physics;
+    const int64_t step = c->completed < 0 ? 0 : c->completed;
+    const bool with_state = pages == 0 && c->want_state && c->completed >= 0;
+    const bool held = c->phase == PM_COORDINATOR_HELD, any = control->run.number > 0;
+    const int8_t phase = control->active
+                             ? held ? PORTMET_CONTROL_REPLY_T_HELD : PORTMET_CONTROL_REPLY_T_RUNNING
+                         : !held ? PORTMET_CONTROL_REPLY_T_GATHERING
+                         : any   ? PORTMET_CONTROL_REPLY_T_ENDED
+                                 : PORTMET_CONTROL_REPLY_T_IDLE;
+    const portmet_control_reply_t message = {
+        .client = to->id,
+        .nonce = nonce,
+        .ticket = to->ticket,
+        .kind = kind,
+        .code = code,
+        .phase = phase,
+        .text = (char *)text,
+        .pages = pages,
+        .owner = control->owner,
+        .session = c->endpoint.session,
+        .run = c->run,
+        .digest = (int64_t)c->endpoint.system->digest,
+        .step = step,
+        .steps = c->endpoint.steps == PM_STEPS_MAX ? 0 : c->endpoint.steps,
+        .time = pm_scene_time(c->scene, (long)step),
+        .dt = c->scene->physics.dt,
+        .energy = ledger->energy,
+        .entropy = ledger->entropy,
+        .outside_energy = ledger->outside_energy,
+        .outside_entropy = ledger->outside_entropy,
+        .energy_residual = ledger->worst_energy,
+        .entropy_residual = ledger->worst_entropy,
+        .violations = ledger->violations,
+        .npart = with_state ? physics->nsubsystem : 0,
+        .part_energy = c->last->energy,
+        .part_entropy = c->last->entropy,
+        .bulk_energy = c->last->bulk_energy,
+        .bulk_entropy = c->last->bulk_entropy,
+        .nend = with_state ? 2 * physics->nport : 0,
+        .energy_flux = control->flux[0],
+        .entropy_flux = control->flux[1],
+        .nz = with_state ? physics->nz : 0,
+        .z = c->last->z,
+    };
+    for (int i = 0; i < message.nend; ++i) {
+        message.energy_flux[i] = c->last->flux[i / 2][i % 2].energy;
+        message.entropy_flux[i] = c->last->flux[i / 2][i % 2].entropy;
+    }
+    const size_t size = pm_control_reply_encode(&message, control->data, control->capacity);
+    if (size > 0) { // a client that misses its reply asks again
+        (void)pm_transport_publish(c->endpoint.transport, control->channel, control->data, size);
+    }
+}
+
+static void reply_again(pm_control *control, const client *to) {
+    if (to->reply != UNANSWERED) {
+        reply(control, to, to->nonce, to->reply, to->code, to->text, 0);
+    }
+}
+
+// Ends the wait of a client.
+static void settle(pm_control *control, client *to, int8_t kind, pm_status code, const char *text) {
+    control->waiting -= to->waits;
+    to->waits = false;
+    to->reply = kind;
+    to->code = (int8_t)code;
+    snprintf(to->text, sizeof to->text, "%s", text);
+    reply_again(control, to);
+}
+
+static void wait_for(pm_control *control, client *to) {
+    control->waiting += !to->waits;
+    to->waits = true;
+}
+
+// --- what is asked ---
+
+// Grants no step beyond `step`; INT64_MAX: no limit. Steps that are granted already are computed.
+// The next tick tells the processes whether they may rest.
+static void hold(pm_lockstep_coordinator *c, int64_t step) {
+    const bool rested = c->phase == PM_COORDINATOR_HELD && c->granted >= c->hold_at;
+    if (rested && step > c->granted && c->pace.begun >= 0) {
+        c->pace.begun += c->endpoint.now - c->held_at; // held time is no delay
+    }
+    c->hold_at = step;
+    c->tick_wanted = c->tick_wanted || step <= c->granted;
+}
+
+// Begins a run, or begins the present one anew.
+static pm_status begin(pm_control *control, client *from, const portmet_control_t *r) {
+    // A name without slashes, which is not hidden, leads to no other folder.
+    static const char allowed[] =
+        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+    const size_t length = strlen(r->record);
+    pm_lockstep_coordinator *c = control->coordinator;
+    pm_control_run *run = &control->run;
+    const bool anew = r->kind == PORTMET_CONTROL_T_RESET;
+    pm_lockstep_observer observer = c->observer;
+    if (!anew && control->active) {
+        return pm_fail(PM_EUSAGE, "run %lld of %s is under way, after step %lld: stop it first",
+                       (long long)run->number, control->owner, (long long)c->completed);
+    }
+    if (r->nz != 0 && r->nz != c->scene->physics.nz) {
+        return pm_fail(PM_EUSAGE, "a state of %d numbers, expected %d", r->nz,
+                       c->scene->physics.nz);
+    }
+    if (r->nlive != 0 && r->nlive != c->scene->network.nlive) {
+        return pm_fail(PM_EUSAGE, "%d live inputs, expected %d", r->nlive, c->scene->network.nlive);
+    }
+    if (r->steps < 0 || r->steps >= PM_STEPS_MAX) {
+        return pm_fail(PM_EUSAGE, "%lld steps, at most %lld", (long long)r->steps,
+                       (long long)PM_STEPS_MAX - 1);
+    }
+    if (length >= NAME || r->record[0] == '.' || strspn(r->record, allowed) != length) {
+        return pm_fail(PM_EUSAGE, "record: expected letters, digits and \"._-\", at most %d",
+                       NAME - 1);
+    }
+    if (r->record[0] != 0 && !control->service.records) {
+        return pm_fail(PM_EUSAGE, "record: portmetd serve was given no folder for recordings");
+    }
+    if (anew && control->record[0] != 0) {
+        return pm_fail(PM_EUSAGE,
+                       "a run that is recorded cannot be reset: stop it, and start another");
+    }
+    if (!anew) {
+        snprintf(control->owner, sizeof control->owner, "%s", from->name);
+        snprintf(control->record, sizeof control->record, "%s", r->record);
+        *run = (pm_control_run){
+            .number = c->run + 1,
+            .steps = r->steps,
+            .pace = r->pace == 0 ? c->scene->run.pace : r->pace,
+            .held = r->held != 0,
+            .from_client = r->nz > 0,
+            .owner = control->owner,
+            .record = control->record,
+        };
+        PM_TRY(control->service.begin(control->service.context, run, &observer));
+    }
+    const pm_lockstep_order order = {
+        .steps = run->steps,
+        .z = r->nz > 0 ? r->z : NULL,
+        .pace = run->pace,
+        .want_state = run->record[0] != 0 || !pm_scene_may_report_sums(c->scene),
+        .observer = observer,
+    };
+    PM_TRY(pm_lockstep_coordinator_begin(c, &order));
+    if (r->nlive > 0) {
+        pm_live_inputs_set(&c->live, r->live);
+    }
+    if (r->held) {
+        hold(c, 0);
+    }
+    run->number = c->run;
+    run->session = c->endpoint.session;
+    control->active = true;
+    control->stopping = false;
+    wait_for(control, from);
+    return PM_OK;
+}
+
+// Does what a request asks for. The client then waits, or the request is done.
+static pm_status execute(pm_control *control, client *from, const portmet_control_t *r) {
+    pm_lockstep_coordinator *c = control->coordinator;
+    if (r->kind == PORTMET_CONTROL_T_START) {
+        return begin(control, from, r);
+    }
+    if (r->kind == PORTMET_CONTROL_T_RELOAD) {
+        return control->active ? pm_fail(PM_EUSAGE, "run %lld of %s is under way: stop it first",
+                                         (long long)control->run.number, control->owner)
+                               : control->service.reload(control->service.context);
+    }
+    if (!control->active) {
+        return r->kind == PORTMET_CONTROL_T_STOP ? PM_OK
+                                                 : pm_fail(PM_EUSAGE, "no run is under way");
+    }
+    switch (r->kind) {
+    case PORTMET_CONTROL_T_STOP:
+        control->stopping = true;
+        // fall through
+    case PORTMET_CONTROL_T_PAUSE:
+        hold(c, c->granted);
+        wait_for(control, from);
+        return PM_OK;
+    case PORTMET_CONTROL_T_RESUME:
+        control->stopping = false;
+        hold(c, INT64_MAX);
+        return PM_OK;
+    case PORTMET_CONTROL_T_ADVANCE:
+        if (c->phase != PM_COORDINATOR_HELD || c->hold_at > c->granted) {
+            return pm_fail(PM_EUSAGE, "the run goes on, after step %lld: pause it first",
+                           (long long)c->completed);
+        }
+        if (r->steps < 1) {
+            return pm_fail(PM_EUSAGE, "%lld steps, at least 1", (long long)r->steps);
+        }
+        from->target = c->endpoint.steps - c->completed > r->steps ? c->completed + r->steps
+                                                                   : c->endpoint.steps;
+        hold(c, from->target);
+        wait_for(control, from);
+        return PM_OK;
+    case PORTMET_CONTROL_T_SET:
+        if (r->nlive == 0 || r->nlive != c->scene->network.nlive) {
+            return pm_fail(PM_EUSAGE, "%d live inputs, and the scene has %d", r->nlive,
+                           c->scene->network.nlive);
+        }
+        pm_live_inputs_set(&c->live, r->live);
+        return PM_OK;
+    default: // RESET
+        return begin(control, from, r);
+    }
+}
+
+// --- who asks ---
+
+static pm_drop on_control(void *context, const void *data, size_t size) {
+    pm_control *control = context;
+    const pm_lockstep_coordinator *c = control->coordinator;
+    portmet_control_t *r = &control->request;
+    *r = control->largest;
+    PM_TRY_KEEP(pm_control_decode(r, data, size));
+    if (r->client == 0 || r->nonce < 1 || r->kind < PORTMET_CONTROL_T_QUERY ||
+        r->kind > PORTMET_CONTROL_T_RELOAD || r->page < 0) {
+        return PM_DROP_IMPLAUSIBLE;
+    }
+    // The client takes the place of the one that has been silent for longest and does not wait.
+    client *from = NULL;
+    for (client *k = control->client; k < control->client + CLIENTS; ++k) {
+        const bool known = from != NULL && from->id == r->client;
+        if (k->id == r->client || (!known && !k->waits && (from == NULL || k->used < from->used))) {
+            from = k;
+        }
+    }
+    if (from == NULL) {
+        return PM_DROP_RANGE;
+    }
+    if (from->id != r->client) {
+        *from = (client){.id = r->client, .ticket = pm_lockstep_session(), .reply = UNANSWERED};
+    }
+    from->used = ++control->asked;
+    if (r->kind == PORTMET_CONTROL_T_QUERY) {
+        const char *text = control->service.description;
+        const size_t length = strlen(text), at = (size_t)r->page * PAGE_BYTES;
+        char page[PAGE_BYTES + 1];
+        snprintf(page, sizeof page, "%s", at < length ? text + at : "");
+        reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_DONE, 0, page,
+              (int)(length / PAGE_BYTES) + 1);
+        return PM_KEEP;
+    }
+    if (r->nonce < from->nonce) {
+        return PM_DROP_REPEATED;
+    }
+    if (r->ticket != from->ticket) {
+        reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_AGAIN, 0, "", 0);
+        return PM_DROP_SESSION;
+    }
+    if (r->nonce == from->nonce) {
+        reply_again(control, from);
+        return PM_DROP_REPEATED;
+    }
+    // While the processes come together nothing can begin. The client asks again.
+    if (!control->active && c->phase != PM_COORDINATOR_HELD) {
+        return PM_DROP_RANGE;
+    }
+    control->waiting -= from->waits;
+    from->waits = false;
+    from->reply = UNANSWERED;
+    from->nonce = r->nonce;
+    from->kind = r->kind;
+    snprintf(from->name, sizeof from->name, "%s", r->sender);
+    const pm_status status = execute(control, from, r);
+    if (status != PM_OK) {
+        settle(control, from, PORTMET_CONTROL_REPLY_T_REFUSED, status, pm_error());
+    } else if (!from->waits) {
+        settle(control, from, PORTMET_CONTROL_REPLY_T_DONE, PM_OK, "");
+    }
+    return PM_KEEP;
+}
+
+// --- what is done ---
+
+// The run is over. Everybody who waits learns how it ended.
+static void end_run(pm_control *control, pm_status status, const char *message) {
+    const pm_lockstep_coordinator *c = control->coordinator;
+    char text[PM_TEXT_MAX + 1] = "";
+    control->active = false;
+    status = control->service.end(control->service.context, &control->run, c->completed, status,
+                                  message);
+    if (status != PM_OK) {
+        snprintf(text, sizeof text, "%s", pm_error());
+    }
+    for (int i = 0; i < CLIENTS; ++i) {
+        if (control->client[i].waits) {
+            settle(control, &control->client[i], PORTMET_CONTROL_REPLY_T_DONE, status, text);
+        }
+    }
+}
+
+void pm_control_poll(pm_control *control) {
+    const pm_lockstep_coordinator *c = control->coordinator;
+    const bool held = c->phase == PM_COORDINATOR_HELD;
+    if (control->active && c->phase >= PM_COORDINATOR_CLOSING) {
+        end_run(control, c->endpoint.status, c->endpoint.message);
+    } else if (control->active && held &&
+               (c->completed >= c->endpoint.steps || control->stopping)) {
+        end_run(control, PM_OK, "");
+    }
+    for (int i = 0; i < CLIENTS && control->waiting > 0; ++i) {
+        client *k = &control->client[i];
+        if (!k->waits || c->completed < 0) {
+            continue;
+        }
+        const bool starts = k->kind == PORTMET_CONTROL_T_START;
+        const bool advances = k->kind == PORTMET_CONTROL_T_ADVANCE;
+        if (starts && k->reply == UNANSWERED) {
+            k->reply = PORTMET_CONTROL_REPLY_T_ACCEPTED;
+            reply_again(control, k);
+        } else if (k->kind == PORTMET_CONTROL_T_RESET ||
+                   (advances ? c->completed >= k->target : held && !starts)) {
+            settle(control, k, PORTMET_CONTROL_REPLY_T_DONE, PM_OK, "");
+        }
+    }
+}
+
+// --- opening ---
+
+pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordinator,
+                          const pm_control_service *service) {
+    const pm_scene *scene = coordinator->scene;
+    char channel[PM_CHANNEL_SIZE];
+    pm_status status;
+    pm_control *made = calloc(1, sizeof *made);
+    if (made == NULL) {
+        return pm_fail(PM_ENOMEM, "control: out of memory");
+    }
+    made->coordinator = coordinator;
+    made->service = *service;
+    made->largest = (portmet_control_t){.nz = scene->physics.nz, .nlive = scene->network.nlive};
+    const portmet_control_reply_t longest = {.npart = scene->physics.nsubsystem,
+                                             .nend = 2 * scene->physics.nport,
+                                             .nz = scene->physics.nz,
+                                             .text = "",
+                                             .owner = ""};
+    for (int i = 0; i < 2; ++i) {
+        made->flux[i] = pm_arena_array(&made->arena, (size_t)longest.nend, sizeof(double));
+    }
+    made->capacity = pm_control_reply_size(&longest) + PM_TEXT_MAX + NAME;
+    made->data = pm_arena_alloc(&made->arena, made->capacity);
+    PM_TRY_DONE(pm_arena_status(&made->arena, "control"));
+    PM_TRY_DONE(pm_control_alloc(&made->largest, &made->arena));
+    PM_TRY_DONE(pm_channel_scene(made->channel, scene, "REPLY"));
+    PM_TRY_DONE(pm_channel_scene(channel, scene, "CONTROL"));
+    PM_TRY_DONE(pm_endpoint_subscribe(&coordinator->endpoint, channel, on_control, made));
+    *control = made;
+    return PM_OK;
+done:
+    pm_control_close(made);
+    return status;
+}
+
+void pm_control_close(pm_control *control) {
+    if (control != NULL) {
+        pm_arena_free(&control->arena);
+        free(control);
+    }
+}

@@ -1,0 +1,53 @@
+// The control of a coordinator that stays: it answers the requests of clients (control_t in
+// lcmtypes/portmet.lcm), begins runs, holds, steps, resets and ends them, and tells each client
+// when its request is done.
+//
+// A client repeats a request until it has its reply. The control remembers the last request of each
+// client and its reply, so that a request that comes again is answered again and not done again.
+// The ticket that each reply carries shows that a request is not a recorded one.
+//
+// Life cycle: open; poll after each poll of the coordinator; close before the coordinator.
+#ifndef PM_LOCKSTEP_CONTROL_H
+#define PM_LOCKSTEP_CONTROL_H
+
+#include "lockstep/coordinator.h"
+
+typedef struct pm_control pm_control;
+
+// A run that a client has started.
+typedef struct pm_control_run {
+    int64_t number, session; // of the run
+    int64_t steps;           // 0: until it is stopped
+    double pace;             // simulated s per s; 0: as fast as it can be
+    bool held;               // it is held at its start
+    bool from_client;        // the client gave the state at its start
+    const char *owner;       // name of the client
+    const char *record;      // name of the recording: letters, digits and "._-"; "": none
+} pm_control_run;
+
+// What the owner of the control does when a run begins and ends, and upon RELOAD.
+typedef struct pm_control_service {
+    void *context;
+    const char *description; // of what is served, for clients; borrowed
+    bool records;            // a client may name a recording
+    // A run is about to begin: sets the observer of its steps. A failure refuses the run.
+    pm_status (*begin)(void *context, const pm_control_run *run, pm_lockstep_observer *observer);
+    // The run has ended after `step` steps with `status`, of which `message` says more. The result
+    // is that of the run: `status`, or a failure to complete the recording, with pm_error() set.
+    pm_status (*end)(void *context, const pm_control_run *run, int64_t step, pm_status status,
+                     const char *message);
+    // No run is under way: checks that what is served can be read again, which is then done. A
+    // failure refuses it.
+    pm_status (*reload)(void *context);
+} pm_control_service;
+
+// Opens the control of a coordinator that stays. `service` is copied. PM_ECONFIG: a channel's name
+// is too long; PM_ENET, PM_ENOMEM.
+pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordinator,
+                          const pm_control_service *service);
+void pm_control_close(pm_control *control); // NULL is allowed
+
+// Follows the coordinator: notes the end of a run, and answers the requests that are done.
+void pm_control_poll(pm_control *control);
+
+#endif

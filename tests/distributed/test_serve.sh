@@ -1,0 +1,129 @@
+#!/bin/sh
+# test_serve.sh PORTMETD MAKE_SCENE SAME_RECORDING ADVANCE ADVANCE_PY: a scene that is served over LCM. Runs that clients start have
+# the bits of the plain run, also where a process is killed within them. The service outlives failed runs, clients that
+# die and requests that are not sound, and ends in order.
+. "$(dirname "$0")/network.sh"
+advance=$4
+advance_py=$5
+records=$folder/records
+long=200000
+
+# asks CODE TEXT COMMAND ARGUMENT...: a client ends with this exit code, and says TEXT.
+asks() {
+    code=$1 text=$2
+    shift 2
+    timeout 60 "$portmetd" "$1" "$scene" $(shift; echo "$@") >"$folder/asks.out" 2>&1
+    found=$?
+    [ $found -eq "$code" ] || fail "$*: expected exit code $code, found $found: $(cat "$folder/asks.out")"
+    grep -q -e "$text" "$folder/asks.out" || fail "$*: expected \"$text\", found: $(cat "$folder/asks.out")"
+}
+
+# same NAME REFERENCE: two recordings have the same bits.
+same() {
+    "$same_recording" "$records/$1" "$folder/$2" >/dev/null || fail "$1: other numbers than $2"
+}
+
+"$portmetd" run "$scene" --steps 50 --in-process --record "$folder/plain.h5" --quiet || fail "the plain run"
+"$portmetd" run "$scene" --steps 20 --in-process --record "$folder/short.h5" --quiet || fail "the short run"
+
+# Runs one after another, without checkpoints.
+start serve serve "$scene" --record "$records"
+serve=$pid
+asks 0 "idle" query
+asks 0 '"name":"left","groups":\[\["q","m",' query
+for i in 1 2 3; do
+    asks 0 "step 50 of 50" start --steps 50 --wait --record "run$i.h5"
+    same run$i.h5 plain.h5
+done
+asks 2 "letters, digits" start --record ../run.h5
+[ ! -e "$folder/run.h5" ] || fail "a recording outside the folder"
+ln -s "$folder/elsewhere.h5" "$records/link.h5"
+asks 4 "is no file" start --record link.h5
+[ ! -e "$folder/elsewhere.h5" ] || fail "a recording behind a link"
+
+# A run that is held: its recording can be read meanwhile.
+asks 0 "held, run .*, step 0" start --held --steps 50 --record held.h5
+asks 0 "step 20 of 50" advance --steps 20
+asks 2 "refused: run .* is under way, after step 20" start
+sleep 1
+cp "$records/held.h5" "$folder/copy.h5"
+"$same_recording" "$folder/copy.h5" "$folder/short.h5" >/dev/null || fail "a recording of a held run lacks steps"
+asks 0 "" resume
+wait_until sh -c "'$portmetd' query '$scene' | grep -q 'ended, run'" || fail "the run did not end"
+same held.h5 plain.h5
+
+# The examples in plain LCM, in C and in Python.
+"$advance" pair 5 >"$folder/advance.out" 2>&1 || fail "advance: $(cat "$folder/advance.out")"
+grep -q "^step 5, " "$folder/advance.out" || fail "advance: $(cat "$folder/advance.out")"
+lcm-gen -p --ppath "$folder/types" "$(dirname "$0")/../../lcmtypes/portmet.lcm"
+PYTHONPATH=$folder/types timeout 60 python3 "$advance_py" pair 5 >"$folder/python.out" 2>&1 || fail "advance.py"
+cmp "$folder/advance.out" "$folder/python.out" || fail "advance.py: $(cat "$folder/python.out")"
+
+# A process that is killed ends the run, and the next one can begin.
+asks 0 "" start --steps $long
+find_child $serve left
+kill -KILL "$victim"
+wait_until sh -c "'$portmetd' query '$scene' | grep -q 'ended, run'" || fail "the run did not end"
+awaits serve "run .* ended after step .* a process was killed"
+asks 0 "step 50 of 50" start --steps 50 --wait --record after.h5
+same after.h5 plain.h5
+
+# The scene is read again, unless it has a mistake.
+cp "$scene" "$folder/good.yaml"
+sed 's/^time:/tome:/' "$folder/good.yaml" >"$scene.new"
+cp "$scene.new" "$scene"
+"$portmetd" reload "$folder/good.yaml" >"$folder/asks.out" 2>&1 && fail "a scene with a mistake was read"
+grep -q 'refused: .*"tome"' "$folder/asks.out" || fail "reload: $(cat "$folder/asks.out")"
+kill -HUP $serve
+awaits serve 'not read again: .*"tome"'
+sed 's/dt: 0.05/dt: 0.025/' "$folder/good.yaml" >"$scene.new"
+cp "$scene.new" "$scene"
+asks 0 "" reload
+asks 0 "step 40 of 40, 1 s" start --steps 40 --wait
+cp "$folder/good.yaml" "$scene"
+kill -HUP $serve
+wait_until sh -c "'$portmetd' query '$scene' | grep -q '\"dt\":0.05'" || fail "SIGHUP: the scene was not read"
+asks 0 "step 50 of 50" start --steps 50 --wait --record again.h5
+same again.h5 plain.h5
+
+# The end of the service ends the run, and closes its recording.
+asks 0 "" start --steps $long --record last.h5
+kill -TERM $serve
+wait $serve || fail "serve: exit code $?"
+says serve "run .* ended after step .*: interrupted" || fail "serve: the last run has no end"
+no_orphans "after serve"
+asks 8 "no service" stop
+
+# With checkpoints a run outlives the death of its processes.
+mkdir "$folder/checkpoints"
+start kept serve "$scene" --record "$records" --checkpoint "$folder/checkpoints"
+kept=$pid
+"$portmetd" run "$scene" --steps 8000 --in-process --record "$folder/long.h5" --quiet || fail "the long run"
+timeout 120 "$portmetd" start "$scene" --steps 8000 --wait --record long.h5 >"$folder/client.out" 2>&1 &
+client=$!
+for i in 1 2 3; do
+    find_child $kept left
+    kill -KILL "$victim"
+    sleep 0.3
+    find_child $kept right
+    kill -KILL "$victim"
+    sleep 0.3
+done
+wait $client || fail "a run with kills: $(cat "$folder/client.out")"
+same long.h5 long.h5
+kill -TERM $kept
+wait $kept || fail "serve with checkpoints: exit code $?"
+
+# Nodes that are started by hand serve one run after another, and outlive the coordinator.
+for node in left right; do
+    start $node node "$scene" $node --serve
+done
+for i in 1 2; do
+    start elsewhere serve "$scene" --elsewhere --record "$records"
+    elsewhere=$pid
+    asks 0 "step 50 of 50" start --steps 50 --wait --record "there$i.h5"
+    same there$i.h5 plain.h5
+    kill -TERM $elsewhere
+    wait $elsewhere || fail "serve --elsewhere: exit code $?"
+done
+finish

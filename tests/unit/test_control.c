@@ -1,0 +1,446 @@
+// A coordinator that stays and its control over the memory transport, in virtual time: one run
+// after another with the bits of the plain loop, holding, stepping, starting anew, and what clients
+// are refused.
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+// cmocka needs the above.
+#include <cmocka.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "lockstep/control.h"
+#include "tests/support/cluster_fixture.h"
+
+#define SESSION 77
+#define MOST_NZ 64
+
+typedef struct stage {
+    pm_hub *hub;
+    cluster c;
+    pm_control *control;
+    const double *from; // [nz] where the next run starts
+    int begun, ended;   // runs
+    int reloads;
+    pm_status status; // of the last one
+    char why[256];
+} stage;
+
+// A client, with the last reply to it.
+typedef struct client {
+    stage *t;
+    pm_transport *transport;
+    portmet_control_t request;
+    portmet_control_reply_t reply;
+    double z[MOST_NZ], other[6][MOST_NZ]; // the arrays of the reply
+    char text[PM_TEXT_MAX + 1];
+    int replies;
+} client;
+
+// --- the service ---
+
+static pm_status begin(void *context, const pm_control_run *run, pm_lockstep_observer *observer) {
+    stage *t = context;
+    cluster *c = &t->c;
+    assert_true(run->number > 1);
+    pm_monolithic_set_state(c->assembly, t->from);
+    c->steps_seen = 0;
+    t->begun += 1;
+    *observer = (pm_lockstep_observer){.context = c, .step = cluster_compare};
+    return PM_OK;
+}
+
+static pm_status end(void *context, const pm_control_run *run, int64_t step, pm_status status,
+                     const char *message) {
+    (void)run, (void)step;
+    stage *t = context;
+    t->ended += 1;
+    t->status = status;
+    snprintf(t->why, sizeof t->why, "%s", message);
+    return status == PM_OK ? PM_OK : pm_fail(status, "%s", message);
+}
+
+static pm_status reload(void *context) {
+    stage *t = context;
+    t->reloads += 1;
+    return t->reloads == 1 ? PM_OK : pm_fail(PM_EUSAGE, "the file is bad");
+}
+
+static void turn(stage *t) {
+    cluster_turn(&t->c);
+    pm_control_poll(t->control);
+}
+
+static void turn_for(stage *t, double seconds) {
+    for (const double until = t->c.now + seconds; t->c.now < until;) {
+        turn(t);
+    }
+}
+
+static void stage_open(stage *t, int count, const pm_hub_faults *faults) {
+    *t = (stage){.hub = cluster_hub(faults)};
+    cluster *c = &t->c;
+    cluster_open(c, count, 2, t->hub, SESSION);
+    cluster_kill(c, count);
+    c->stays = true;
+    cluster_return(c, count);
+    t->from = c->f.z;
+    const pm_control_service service = {t, "what is served", false, begin, end, reload};
+    assert_int_equal(pm_control_open(&t->control, c->coordinator, &service), PM_OK);
+    for (int i = 0; i < count; ++i) {
+        cluster_add(c, i, c->f.system, SESSION);
+    }
+}
+
+static void stage_close(stage *t) {
+    pm_control_close(t->control);
+    cluster_close(&t->c);
+    pm_hub_close(t->hub);
+}
+
+// --- a client ---
+
+static void on_reply(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    client *k = context;
+    portmet_control_reply_t r = {.npart = MOST_NZ,
+                                 .part_energy = k->other[0],
+                                 .part_entropy = k->other[1],
+                                 .bulk_energy = k->other[2],
+                                 .bulk_entropy = k->other[3],
+                                 .nend = MOST_NZ,
+                                 .energy_flux = k->other[4],
+                                 .entropy_flux = k->other[5],
+                                 .nz = MOST_NZ,
+                                 .z = k->z};
+    assert_int_equal(pm_control_reply_decode(&r, data, size), PM_KEEP);
+    if (r.client == k->request.client && r.nonce == k->request.nonce) {
+        k->reply = r;
+        snprintf(k->text, sizeof k->text, "%s", r.text);
+        k->replies += 1;
+    }
+}
+
+static void client_open(client *k, stage *t, int64_t id, const char *name) {
+    *k = (client){.t = t, .request = {.client = id, .sender = (char *)name, .record = ""}};
+    assert_int_equal(pm_hub_connect(t->hub, &k->transport), PM_OK);
+    assert_int_equal(pm_transport_subscribe(k->transport, "chain_REPLY", on_reply, k), PM_OK);
+}
+
+static void publish(const client *k) {
+    unsigned char data[1024];
+    const size_t size = pm_control_encode(&k->request, data, sizeof data);
+    assert_true(size > 0);
+    assert_int_equal(pm_transport_publish(k->transport, "chain_CONTROL", data, size), PM_OK);
+}
+
+// Repeats the request of another kind until there is a reply: one that says DONE or REFUSED, or, if
+// `whole` is false, any.
+static int ask(client *k, int8_t kind, bool whole) {
+    k->request.kind = kind;
+    k->request.nonce += 1;
+    for (double again = 0;;) {
+        if (k->t->c.now >= again) {
+            publish(k);
+            again = k->t->c.now + 0.02;
+        }
+        const int before = k->replies;
+        turn(k->t);
+        assert_int_equal(pm_transport_wait(k->transport, 0, NULL), PM_OK);
+        if (k->replies == before) {
+            continue;
+        }
+        if (k->reply.kind == PORTMET_CONTROL_REPLY_T_AGAIN) {
+            again = k->reply.ticket == k->request.ticket ? again : 0;
+            k->request.ticket = k->reply.ticket;
+        } else if (!whole || k->reply.kind != PORTMET_CONTROL_REPLY_T_ACCEPTED) {
+            return k->reply.kind;
+        }
+    }
+}
+
+#define DONE PORTMET_CONTROL_REPLY_T_DONE
+#define ACCEPTED PORTMET_CONTROL_REPLY_T_ACCEPTED
+#define ASK(client, kind) ask(client, PORTMET_CONTROL_T_##kind, true)
+
+static void assert_refused(client *k, int8_t kind, const char *part) {
+    assert_int_equal(ask(k, kind, true), PORTMET_CONTROL_REPLY_T_REFUSED);
+    assert_int_equal(k->reply.code, PM_EUSAGE);
+    if (strstr(k->text, part) == NULL) {
+        fail_msg("\"%s\" does not say \"%s\"", k->text, part);
+    }
+}
+
+// --- runs ---
+
+// Many runs, at two starts in turn, each with the bits of the plain loop, while a network loses,
+// repeats and delays messages. No process joins anew.
+static void test_one_run_after_another(void **context) {
+    (void)context;
+    for (uint64_t seed = 0; seed < 4; ++seed) {
+        const double part = seed == 0 ? 0 : 0.2;
+        const pm_hub_faults faults = {
+            .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
+        stage t;
+        client k;
+        stage_open(&t, 3, &faults);
+        client_open(&k, &t, 5, "bench");
+        const int nz = t.c.f.scene->physics.nz;
+        double other[MOST_NZ];
+        for (int i = 0; i < nz; ++i) {
+            other[i] = t.c.f.z[i] * (1 + 1e-3 * (i + 1));
+        }
+        for (int run = 1; run <= 20; ++run) {
+            const bool own = run % 2 == 0;
+            t.from = own ? other : t.c.f.z;
+            k.request.nz = own ? nz : 0;
+            k.request.z = other;
+            k.request.steps = 5 + run;
+            assert_int_equal(ASK(&k, START), DONE);
+            assert_string_equal(k.text, "");
+            assert_int_equal(k.reply.code, PM_OK);
+            assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_ENDED);
+            assert_int_equal(k.reply.step, 5 + run);
+            assert_int_equal(t.c.steps_seen, 6 + run);
+            assert_memory_equal(k.z, pm_monolithic_sample(t.c.assembly)->z,
+                                (size_t)nz * sizeof *k.z);
+            assert_memory_equal(k.reply.part_energy, pm_monolithic_sample(t.c.assembly)->energy,
+                                3 * sizeof *k.z);
+            assert_true(k.reply.energy_flux[0] ==
+                        pm_monolithic_sample(t.c.assembly)->flux[0][0].energy);
+            assert_int_equal(k.reply.run, run + 1);
+            assert_int_equal(t.begun, run);
+            assert_int_equal(t.ended, run);
+        }
+        pm_transport_close(k.transport);
+        stage_close(&t);
+    }
+}
+
+static void test_steps_on_demand(void **context) {
+    (void)context;
+    stage t;
+    client k;
+    stage_open(&t, 2, NULL);
+    client_open(&k, &t, 5, "bench");
+    cluster *c = &t.c;
+    assert_refused(&k, PORTMET_CONTROL_T_ADVANCE, "no run");
+    k.request.held = 1;
+    assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+    assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_HELD);
+    assert_int_equal(k.reply.steps, 0);
+    for (int i = 1; i <= 5; ++i) {
+        k.request.steps = i;
+        assert_int_equal(ASK(&k, ADVANCE), DONE);
+        assert_int_equal(k.reply.step, i * (i + 1) / 2);
+        assert_memory_equal(k.z, pm_monolithic_sample(c->assembly)->z,
+                            (size_t)c->f.scene->physics.nz * sizeof *k.z);
+        // The same request again is answered again, and takes no step.
+        publish(&k);
+        turn_for(&t, 0.05);
+        assert_int_equal(c->steps_seen, i * (i + 1) / 2 + 1);
+        turn_for(&t, 3 * PATIENCE); // held for as long as it takes
+    }
+    // An older request, or one with another ticket, does nothing.
+    const portmet_control_t last = k.request;
+    k.request.nonce -= 1;
+    publish(&k);
+    k.request = last;
+    k.request.nonce += 1;
+    k.request.ticket += 1;
+    publish(&k);
+    turn_for(&t, 0.05);
+    assert_int_equal(c->steps_seen, 16);
+    k.request = last;
+
+    assert_int_equal(ASK(&k, RESUME), DONE);
+    for (int i = 0; i < 200; ++i) { // no time passes while messages flow
+        turn(&t);
+    }
+    assert_refused(&k, PORTMET_CONTROL_T_ADVANCE, "the run goes on");
+    assert_int_equal(ASK(&k, PAUSE), DONE);
+    assert_true(k.reply.step > 15);
+    const long held_at = c->steps_seen;
+    assert_int_equal(k.reply.step + 1, held_at);
+    turn_for(&t, 1);
+    assert_int_equal(c->steps_seen, held_at);
+    // The run begins anew.
+    pm_monolithic_set_state(c->assembly, c->f.z);
+    c->steps_seen = 0;
+    assert_int_equal(ASK(&k, RESET), DONE);
+    assert_int_equal(k.reply.step, 0);
+    assert_int_equal(ASK(&k, ADVANCE), DONE);
+    assert_int_equal(k.reply.step, 5);
+    assert_int_equal(ASK(&k, STOP), DONE);
+    assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_ENDED);
+    assert_int_equal(t.ended, 1);
+    assert_int_equal(ASK(&k, STOP), DONE);
+    assert_int_equal(t.begun, 1);
+    pm_transport_close(k.transport);
+    stage_close(&t);
+}
+
+// --- refusals ---
+
+static void test_two_clients(void **context) {
+    (void)context;
+    stage t;
+    client a, b;
+    stage_open(&t, 2, NULL);
+    client_open(&a, &t, 5, "first");
+    client_open(&b, &t, 6, "second");
+    a.request.held = 1;
+    assert_int_equal(ask(&a, PORTMET_CONTROL_T_START, false), ACCEPTED);
+    assert_refused(&b, PORTMET_CONTROL_T_START, "run 2 of first is under way");
+    assert_int_equal(ASK(&b, QUERY), DONE);
+    assert_string_equal(b.text, "what is served");
+    assert_int_equal(b.reply.pages, 1);
+    // The first one dies while steps are taken. The run is held after them; the second takes over.
+    a.request.kind = PORTMET_CONTROL_T_ADVANCE;
+    a.request.nonce += 1;
+    a.request.steps = 3;
+    publish(&a);
+    turn_for(&t, 1);
+    assert_int_equal(ASK(&b, QUERY), DONE);
+    assert_int_equal(b.reply.phase, PORTMET_CONTROL_REPLY_T_HELD);
+    assert_int_equal(b.reply.step, 3);
+    b.request.steps = 2;
+    assert_int_equal(ASK(&b, ADVANCE), DONE);
+    assert_int_equal(b.reply.step, 5);
+    assert_int_equal(ASK(&b, STOP), DONE);
+    pm_transport_close(a.transport);
+    pm_transport_close(b.transport);
+    stage_close(&t);
+}
+
+static void test_wrong_requests(void **context) {
+    (void)context;
+    static const char *const names[] = {"../a.h5", "a/b", ".a", "a b", "/etc/x", "a\\b", "ä"};
+    stage t;
+    client k;
+    double z[MOST_NZ] = {0};
+    stage_open(&t, 2, NULL);
+    client_open(&k, &t, 5, "bench");
+    k.request.z = z;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
+        k.request.record = (char *)names[i];
+        assert_refused(&k, PORTMET_CONTROL_T_START, "letters, digits");
+    }
+    k.request.record = "run.h5";
+    assert_refused(&k, PORTMET_CONTROL_T_START, "no folder");
+    k.request.record = "";
+    k.request.nz = 1;
+    assert_refused(&k, PORTMET_CONTROL_T_START, "a state of 1 numbers");
+    k.request.nz = 0;
+    k.request.steps = -1;
+    assert_refused(&k, PORTMET_CONTROL_T_START, "-1 steps");
+    k.request.steps = INT64_MAX;
+    assert_refused(&k, PORTMET_CONTROL_T_START, "steps, at most");
+    k.request.steps = 4;
+    assert_refused(&k, PORTMET_CONTROL_T_SET, "no run");
+    const pm_drops *drops = pm_lockstep_coordinator_drops(t.c.coordinator);
+    const long before = drops->count[PM_DROP_IMPLAUSIBLE];
+    k.request.kind = 99;
+    publish(&k);
+    k.request.kind = -1;
+    publish(&k);
+    k.request.kind = 0;
+    k.request.page = -1;
+    publish(&k);
+    turn_for(&t, 0.01);
+    assert_int_equal(drops->count[PM_DROP_IMPLAUSIBLE], before + 3);
+    k.request.page = 0;
+    assert_int_equal(t.begun, 0);
+    assert_int_equal(ASK(&k, START), DONE);
+    assert_int_equal(t.begun, 1);
+    assert_int_equal(ASK(&k, RELOAD), DONE);
+    assert_refused(&k, PORTMET_CONTROL_T_RELOAD, "the file is bad");
+    k.request.held = 1;
+    assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+    assert_refused(&k, PORTMET_CONTROL_T_RELOAD, "is under way");
+    assert_int_equal(t.reloads, 2);
+    pm_transport_close(k.transport);
+    stage_close(&t);
+}
+
+// --- death, and rest ---
+
+// A process that dies ends the run, and the one that takes its place serves the next run.
+static void test_next_run_after_a_death(void **context) {
+    (void)context;
+    stage t;
+    client k;
+    stage_open(&t, 3, NULL);
+    client_open(&k, &t, 5, "bench");
+    assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+    for (int i = 0; i < 200; ++i) {
+        turn(&t);
+    }
+    cluster_kill(&t.c, 1);
+    turn_for(&t, 1);
+    cluster_return(&t.c, 1);
+    assert_int_equal(t.ended, 0);
+    turn_for(&t, 3 * PATIENCE);
+    assert_int_equal(t.ended, 1);
+    assert_true(t.status == PM_ENET || t.status == PM_ETIMEOUT);
+    assert_non_null(strstr(t.why, "link2"));
+    k.request.steps = 8;
+    assert_int_equal(ASK(&k, START), DONE);
+    assert_int_equal(k.reply.code, PM_OK);
+    assert_int_equal(t.c.steps_seen, 9);
+    // A coordinator that dies: the processes wait for the next one.
+    pm_control_close(t.control);
+    cluster_kill(&t.c, 3);
+    for (const double until = t.c.now + 3 * PATIENCE; t.c.now < until;) {
+        cluster_turn(&t.c);
+    }
+    pm_monolithic_set_state(t.c.assembly, t.c.f.z); // the fixture's observer sees the state at rest
+    t.c.steps_seen = 0;
+    cluster_return(&t.c, 3);
+    const pm_control_service service = {&t, "", false, begin, end, reload};
+    assert_int_equal(pm_control_open(&t.control, t.c.coordinator, &service), PM_OK);
+    assert_int_equal(ASK(&k, START), DONE);
+    assert_int_equal(t.c.steps_seen, 9);
+    pm_transport_close(k.transport);
+    stage_close(&t);
+}
+
+static void count_message(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel, (void)data, (void)size;
+    *(int *)context += 1;
+}
+
+static void test_rest_is_quiet(void **context) {
+    (void)context;
+    static const char *const channel[] = {
+        "chain_TICK",    "chain_REQUEST_TICK",  "chain_HELLO",      "chain_HELLO_link1",
+        "chain_REQUEST", "chain_REQUEST_link1", "chain_FLUX_link1", "chain_REPORT_link1"};
+    stage t;
+    pm_transport *listener;
+    int count = 0;
+    stage_open(&t, 3, NULL);
+    turn_for(&t, 1);
+    assert_int_equal(pm_hub_connect(t.hub, &listener), PM_OK);
+    for (size_t i = 0; i < sizeof channel / sizeof channel[0]; ++i) {
+        assert_int_equal(pm_transport_subscribe(listener, channel[i], count_message, &count),
+                         PM_OK);
+    }
+    turn_for(&t, 10);
+    assert_int_equal(pm_transport_wait(listener, 0, NULL), PM_OK);
+    assert_in_range(count, 9, 11); // ticks
+    pm_transport_close(listener);
+    stage_close(&t);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_one_run_after_another),
+        cmocka_unit_test(test_steps_on_demand),
+        cmocka_unit_test(test_two_clients),
+        cmocka_unit_test(test_wrong_requests),
+        cmocka_unit_test(test_next_run_after_a_death),
+        cmocka_unit_test(test_rest_is_quiet),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
