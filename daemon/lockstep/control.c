@@ -193,7 +193,7 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
         .want_state = run->record[0] != 0 || !pm_scene_may_report_sums(c->scene),
         .observer = observer,
     };
-    PM_TRY(pm_lockstep_coordinator_begin(c, &order));
+    pm_lockstep_coordinator_begin(c, &order);
     if (r->nlive > 0) {
         pm_live_inputs_set(&c->live, r->live);
     }

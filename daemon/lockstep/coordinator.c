@@ -168,7 +168,7 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     bool found;
     long completed = -1;
     c->interval = pm_checkpoint_interval(c->scene);
-    if (c->checkpoint == NULL) {
+    if (c->checkpoint == NULL || c->stays) { // one that stays ends with its runs
         return PM_OK;
     }
     pm_serializer serializer = pm_serializer_count("coordinator");
@@ -617,7 +617,7 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
             PM_TRY(c->observer.step(c->observer.context, sample));
         }
         const bool last = c->completed == c->endpoint.steps;
-        if (c->checkpoint != NULL && (last || c->completed % c->interval == 0)) {
+        if (c->checkpoint != NULL && !c->stays && (last || c->completed % c->interval == 0)) {
             // Saves the checkpoint, after the recording up to this step.
             long completed = (long)c->completed;
             pm_serializer serializer = pm_serializer_save("coordinator", c->checkpoint_state);
@@ -748,8 +748,7 @@ static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
     c->health.step_before = 0;
 }
 
-pm_status pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c,
-                                        const pm_lockstep_order *order) {
+void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c, const pm_lockstep_order *order) {
     renew(c, order->steps, order->want_state);
     c->waits = false;
     c->observer = order->observer;
@@ -759,12 +758,6 @@ pm_status pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c,
     if (order->z != NULL) {
         memcpy(c->start, order->z, (size_t)c->scene->physics.nz * sizeof *c->start);
     }
-    if (c->checkpoint == NULL) {
-        return PM_OK;
-    }
-    c->checkpoint_state[0] = -1; // no step is complete
-    return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
-                            c->checkpoint_state);
 }
 
 // --- waiting ---

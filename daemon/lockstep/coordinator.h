@@ -76,12 +76,13 @@ typedef struct pm_lockstep_coordinator_options {
                                    // nodes that were started without a session join
     bool want_state;               // the observer needs z
     pm_lockstep_observer observer; // step may be NULL
-    const char *checkpoint;        // file of checkpoints; the run continues from it if it holds the
-                                   // session `session`, or any session where `session` is 0; NULL:
-                                   // no checkpoints
-    bool stays;                    // it serves one run after another, and waits for the first
-    const char *gate;              // file with the number of steps that may be granted (gate.h);
-                                   // NULL: all of them
+    const char *checkpoint;        // file of checkpoints, which one that stays does not write (its
+                            // processes keep theirs); the run continues from it if it holds the
+                            // session `session`, or any session where `session` is 0; NULL:
+                            // no checkpoints
+    bool stays;           // it serves one run after another, and waits for the first
+    const char *gate;     // file with the number of steps that may be granted (gate.h);
+                          // NULL: all of them
     const double *replay; // [replayed][scene->nlive] values of the live inputs in each step; NULL:
     int64_t replayed;     // they arrive on their channels
 } pm_lockstep_coordinator_options;
@@ -122,9 +123,9 @@ typedef struct pm_lockstep_order {
 } pm_lockstep_order;
 
 // Begins a run with a coordinator that stays, in the phase STEPPING or HELD: all processes are
-// there. A run that goes on is given up. With a checkpoint: what saving it returns.
-pm_status pm_lockstep_coordinator_begin(pm_lockstep_coordinator *coordinator,
-                                        const pm_lockstep_order *order);
+// there. A run that goes on is given up.
+void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *coordinator,
+                                   const pm_lockstep_order *order);
 
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
