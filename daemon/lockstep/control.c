@@ -330,9 +330,10 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
 
 // The run is over. Everybody who waits learns how it ended.
 static void end_run(pm_control *control, pm_status status, const char *message) {
-    const pm_lockstep_coordinator *c = control->coordinator;
+    pm_lockstep_coordinator *c = control->coordinator;
     char text[PM_TEXT_MAX + 1] = "";
     control->active = false;
+    c->observer = (pm_lockstep_observer){0}; // it is gone after this call
     status = control->service.end(control->service.context, &control->run, c->completed, status,
                                   message);
     if (status != PM_OK) {

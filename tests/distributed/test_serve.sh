@@ -29,7 +29,7 @@ same() {
 # Runs one after another, without checkpoints.
 start serve serve "$scene" --record "$records"
 serve=$pid
-asks 0 "idle" query
+wait_until sh -c "'$portmetd' query '$scene' | grep -q '^pair: idle'" || fail "serve: not idle"
 asks 0 '"name":"left","groups":\[\["q","m",' query
 for i in 1 2 3; do
     asks 0 "step 50 of 50" start --steps 50 --wait --record "run$i.h5"
