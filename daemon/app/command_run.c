@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "app/command.h"
 #include "app/connect.h"
@@ -67,6 +68,10 @@ typedef struct launcher {
 // The life of a node.
 static pm_status serve_node(void *context, const char *name) {
     const launcher *l = context;
+    if (l->service != NULL) {
+        // It may start in the middle of a run. The recording, and the lock on it, are the parent's.
+        (void)close_range(STDERR_FILENO + 1, ~0U, 0);
+    }
     return pm_serve_node(l->setup, &l->options, pm_scene_find_process(l->setup->scene, name));
 }
 
