@@ -1,11 +1,11 @@
-/* A client of `portmetd serve` in plain LCM: begins a run that is held at its start, takes single steps,
- * and prints the energy after each.
- *
- *     lcm-gen -c portmet.lcm
- *     cc -o advance advance.c portmet_control_t.c portmet_control_reply_t.c $(pkg-config --cflags --libs lcm)
- *     ./advance double_pendulum 5
- *
- * advance.py does the same in Python. */
+// A client of `portmetd serve` in plain LCM: begins a run that is held at its start, takes single
+// steps, and prints the energy after each.
+//
+//     lcm-gen -c portmet.lcm
+//     cc -o advance advance.c portmet_control*.c $(pkg-config --cflags --libs lcm)
+//     ./advance double_pendulum 5
+//
+// advance.py does the same in Python.
 #include <inttypes.h>
 #include <lcm/lcm.h>
 #include <stdio.h>
@@ -20,7 +20,7 @@ typedef struct client {
     lcm_t *lcm;
     char channel[64];
     portmet_control_t request;
-    int kind; /* of the last reply; -1: none yet */
+    int kind; // of the last reply; -1: none yet
     int64_t step;
     double time, energy;
 } client;
@@ -30,7 +30,7 @@ static void on_reply(const lcm_recv_buf_t *buffer, const char *channel,
     (void)buffer, (void)channel;
     client *c = context;
     if (reply->client != c->request.client || reply->nonce != c->request.nonce) {
-        return; /* to somebody else, or to an earlier request */
+        return; // to somebody else, or to an earlier request
     }
     c->request.ticket = reply->ticket;
     c->kind = reply->kind;
@@ -43,9 +43,9 @@ static void on_reply(const lcm_recv_buf_t *buffer, const char *channel,
     }
 }
 
-/* Sends a request again and again until it is done, or accepted. */
+// Sends a request again and again until it is done, or accepted.
 static void ask(client *c, int kind, int64_t steps) {
-    int wait = 20; /* ms */
+    int wait = 20; // ms
     c->request.kind = (int8_t)kind;
     c->request.nonce += 1;
     c->request.steps = steps;
