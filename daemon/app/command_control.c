@@ -73,8 +73,13 @@ static pm_status ask(asker *a, int8_t kind, bool wait, const volatile sig_atomic
         const bool heard = a->heard > before;
         replied = replied || heard;
         if (heard && a->reply.kind == PORTMET_CONTROL_REPLY_T_AGAIN) {
-            again = a->reply.ticket == a->request.ticket ? again : 0;
+            const bool news =
+                a->reply.ticket != a->request.ticket || a->reply.last >= a->request.nonce;
+            again = news ? 0 : again;
             a->request.ticket = a->reply.ticket;
+            if (a->reply.last >= a->request.nonce) { // somebody forged a request of this client
+                a->request.nonce = a->reply.last + 1;
+            }
             continue;
         }
         if (heard && a->reply.kind == PORTMET_CONTROL_REPLY_T_REFUSED) {

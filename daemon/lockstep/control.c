@@ -10,6 +10,7 @@
 #define CLIENTS 64      // that are remembered
 #define NAME 64         // bytes of a client's name, and of a recording's, with the terminator
 #define PAGE_BYTES 1000 // of the description in a reply
+#define MOST_NONCE (INT64_C(1) << 62)
 #define UNANSWERED (-1) // kind of a reply that is not due yet
 
 typedef struct client {
@@ -35,6 +36,7 @@ struct pm_control {
     char channel[PM_CHANNEL_SIZE]; // of replies
     pm_control_run run;            // the last one
     char owner[NAME], record[NAME];
+    int64_t owner_id;      // the client that started it, which is not forgotten meanwhile
     bool active, stopping; // a run is under way; it ends after the steps that are granted
     int waiting;           // clients that wait
     int64_t asked;         // requests so far
@@ -61,6 +63,7 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
         .client = to->id,
         .nonce = nonce,
         .ticket = to->ticket,
+        .last = to->nonce,
         .kind = kind,
         .code = code,
         .phase = phase,
@@ -173,6 +176,7 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
                        "a run that is recorded cannot be reset: stop it, and start another");
     }
     if (!anew) {
+        control->owner_id = from->id;
         snprintf(control->owner, sizeof control->owner, "%s", from->name);
         snprintf(control->record, sizeof control->record, "%s", r->record);
         *run = (pm_control_run){
@@ -268,15 +272,16 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     portmet_control_t *r = &control->request;
     *r = control->largest;
     PM_TRY_KEEP(pm_control_decode(r, data, size));
-    if (r->client == 0 || r->nonce < 1 || r->kind < PORTMET_CONTROL_T_QUERY ||
-        r->kind > PORTMET_CONTROL_T_RELOAD || r->page < 0) {
+    if (r->client == 0 || r->nonce < 1 || r->nonce > MOST_NONCE ||
+        r->kind < PORTMET_CONTROL_T_QUERY || r->kind > PORTMET_CONTROL_T_RELOAD || r->page < 0) {
         return PM_DROP_IMPLAUSIBLE;
     }
     // The client takes the place of the one that has been silent for longest and does not wait.
     client *from = NULL;
     for (client *k = control->client; k < control->client + CLIENTS; ++k) {
         const bool known = from != NULL && from->id == r->client;
-        if (k->id == r->client || (!known && !k->waits && (from == NULL || k->used < from->used))) {
+        const bool kept = k->waits || (control->active && k->id == control->owner_id);
+        if (k->id == r->client || (!known && !kept && (from == NULL || k->used < from->used))) {
             from = k;
         }
     }
@@ -296,16 +301,15 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
               (int)(length / PAGE_BYTES) + 1);
         return PM_KEEP;
     }
-    if (r->nonce < from->nonce) {
-        return PM_DROP_REPEATED;
-    }
-    if (r->ticket != from->ticket) {
-        reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_AGAIN, 0, "", 0);
-        return PM_DROP_SESSION;
-    }
     if (r->nonce == from->nonce) {
         reply_again(control, from);
         return PM_DROP_REPEATED;
+    }
+    // An older request is a repeated one, unless somebody forged a newer one meanwhile. Its client,
+    // if it still waits, asks again.
+    if (r->nonce < from->nonce || r->ticket != from->ticket) {
+        reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_AGAIN, 0, "", 0);
+        return r->ticket != from->ticket ? PM_DROP_SESSION : PM_DROP_REPEATED;
     }
     // While the processes come together nothing can begin. The client asks again.
     if (!control->active && c->phase != PM_COORDINATOR_HELD) {

@@ -154,6 +154,10 @@ static int ask(client *k, int8_t kind, bool whole) {
         if (k->reply.kind == PORTMET_CONTROL_REPLY_T_AGAIN) {
             again = k->reply.ticket == k->request.ticket ? again : 0;
             k->request.ticket = k->reply.ticket;
+            if (k->reply.last >= k->request.nonce) {
+                k->request.nonce = k->reply.last + 1;
+                again = 0;
+            }
         } else if (!whole || k->reply.kind != PORTMET_CONTROL_REPLY_T_ACCEPTED) {
             return k->reply.kind;
         }
@@ -242,6 +246,16 @@ static void test_steps_on_demand(void **context) {
         assert_int_equal(c->steps_seen, i * (i + 1) / 2 + 1);
         turn_for(&t, 3 * PATIENCE); // held for as long as it takes
     }
+    // Somebody forges a later request of this client, which then numbers its own ones anew.
+    k.request.nonce += 1000;
+    k.request.steps = 0;
+    publish(&k);
+    k.request.nonce -= 1000;
+    k.request.steps = 1;
+    turn_for(&t, 0.05);
+    assert_int_equal(ASK(&k, ADVANCE), DONE);
+    assert_int_equal(k.reply.step, 16);
+    assert_true(k.request.nonce > 1000);
     // An older request, or one with another ticket, does nothing.
     const portmet_control_t last = k.request;
     k.request.nonce -= 1;
@@ -251,7 +265,7 @@ static void test_steps_on_demand(void **context) {
     k.request.ticket += 1;
     publish(&k);
     turn_for(&t, 0.05);
-    assert_int_equal(c->steps_seen, 16);
+    assert_int_equal(c->steps_seen, 17);
     k.request = last;
 
     assert_int_equal(ASK(&k, RESUME), DONE);

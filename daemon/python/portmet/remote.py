@@ -78,8 +78,10 @@ class Remote:
                 continue
             begun = now
             if reply.kind == reply.AGAIN:
-                again = again if self._ticket == reply.ticket else 0.0
+                again = again if self._ticket == reply.ticket and reply.last < self._nonce else 0.0
                 self._ticket = reply.ticket
+                if reply.last >= self._nonce:  # somebody forged a request of this client
+                    self._nonce = request.nonce = reply.last + 1
             elif reply.kind == reply.REFUSED or reply.code != 0:
                 raise Error(reply.code, reply.text)
             elif reply.kind == reply.DONE or not whole:
