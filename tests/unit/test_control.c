@@ -256,6 +256,7 @@ static void test_steps_on_demand(void **context) {
     assert_int_equal(ASK(&k, ADVANCE), DONE);
     assert_int_equal(k.reply.step, 16);
     assert_true(k.request.nonce > 1000);
+    k.request.steps = 5;
     // An older request, or one with another ticket, does nothing.
     const portmet_control_t last = k.request;
     k.request.nonce -= 1;
