@@ -22,8 +22,11 @@ static void print_share(FILE *file, const pm_scene *scene, int64_t peer, double 
 
 // Prints a line for the run and one for each process as a table.
 static void print_table(FILE *file, const pm_scene *scene, const portmet_health_t *h) {
-    fprintf(file, "%s: step %lld of %lld, %.3g steps/s", scene->name,
-            (long long)(h->step < 0 ? 0 : h->step), (long long)h->steps, h->rate);
+    fprintf(file, "%s: step %lld", scene->name, (long long)(h->step < 0 ? 0 : h->step));
+    if (h->steps < PM_STEPS_MAX) { // a run that is served may have no last step
+        fprintf(file, " of %lld", (long long)h->steps);
+    }
+    fprintf(file, ", %.3g steps/s", h->rate);
     for (int i = 0; i < h->nprocess; ++i) {
         if (h->silent[i] < 0 && h->step < 0) {
             fprintf(file, "; %s is missing", pm_health_name(scene, i));
