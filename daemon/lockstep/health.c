@@ -17,10 +17,6 @@
 
 // --- vitals ---
 
-double pm_vitals_interval(int processes) {
-    return fmax(PM_VITALS_INTERVAL, PM_VITALS_EACH * processes);
-}
-
 pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
                          int npeer) {
     portmet_vitals_t *m = &vitals->message;

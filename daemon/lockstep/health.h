@@ -31,7 +31,10 @@ typedef struct pm_vitals {
 } pm_vitals;
 
 // Returns the time between two messages of a process, in s, in a run of `processes` processes.
-double pm_vitals_interval(int processes);
+static inline double pm_vitals_interval(int processes) {
+    const double each = PM_VITALS_EACH * processes;
+    return each > PM_VITALS_INTERVAL ? each : PM_VITALS_INTERVAL;
+}
 
 // Makes vitals of process `process_id` with `npeer` peers and the coordinator. The caller sets the
 // first npeer of message.peer. Memory comes from the arena. PM_ECONFIG, PM_ENOMEM.
