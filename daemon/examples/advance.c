@@ -16,19 +16,19 @@
 #include "portmet_control_reply_t.h"
 #include "portmet_control_t.h"
 
-typedef struct client {
+typedef struct asking {
     lcm_t *lcm;
     char channel[64];
     portmet_control_t request;
     int kind; // of the last reply; -1: none yet
     int64_t step;
     double time, energy;
-} client;
+} asking;
 
 static void on_reply(const lcm_recv_buf_t *buffer, const char *channel,
                      const portmet_control_reply_t *reply, void *context) {
     (void)buffer, (void)channel;
-    client *c = context;
+    asking *c = context;
     if (reply->client != c->request.client || reply->nonce != c->request.nonce) {
         return; // to somebody else, or to an earlier request
     }
@@ -44,7 +44,7 @@ static void on_reply(const lcm_recv_buf_t *buffer, const char *channel,
 }
 
 // Sends a request again and again until it is done, or accepted.
-static void ask(client *c, int kind, int64_t steps) {
+static void ask(asking *c, int kind, int64_t steps) {
     int wait = 20; // ms
     c->request.kind = (int8_t)kind;
     c->request.nonce += 1;
@@ -64,7 +64,7 @@ int main(int argc, char **argv) {
     char replies[64];
     struct timespec now;
     clock_gettime(CLOCK_REALTIME, &now);
-    client c = {.lcm = lcm_create(NULL)};
+    asking c = {.lcm = lcm_create(NULL)};
     if (c.lcm == NULL) {
         return 7;
     }
