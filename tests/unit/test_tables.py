@@ -233,6 +233,18 @@ def matlab():
     z, t, names, _, _ = imported("a sampling time", folder / "steps.mat")
     same("a sampling time", t, [0, 0.25, 0.5, 0.75])
     refused("a text", 4, "cannot be read as a MATLAB file", write("wrong.mat", "no MATLAB file"))
+    steps = np.empty((1, 4), dtype=object)
+    steps[0] = [{"time": np.arange(3.0), "V": np.arange(3.0) + k, "I": np.zeros((0, 0)) if k == 2 else np.ones(3)}
+                for k in range(3)] + [{"time": 1.0, "V": 2.0, "I": 3.0}]
+    scipy.io.savemat(folder / "cycles.mat", {"data": {"step": steps, "about": "a cell"}})
+    z, _, names, _, _ = imported("an empty field", folder / "cycles.mat", "--runs", "step")
+    same("an empty field", z, [[[k + i, nan if k == 2 else 1] for i in range(3)] for k in range(3)])
+    cells = np.empty((1, 2), dtype=object)
+    cells[0, 0], cells[0, 1] = np.arange(12.0).reshape(4, 3), np.arange(9.0).reshape(3, 3)
+    scipy.io.savemat(folder / "cells.mat", {"runs": cells})
+    z, _, names, _, _ = imported("a cell", folder / "cells.mat", "--time", "runs_1")
+    check(names == ["runs_2", "runs_3"], f"a cell: {names}")
+    same("a cell", z[1, :3], [[1, 2], [4, 5], [7, 8]])
     with h5py.File(folder / "plain.h5", "w") as file:
         file["time"], file["a/x"], file["a/label"], file["b"] = np.arange(4) / 8, np.arange(4) ** 2, "a text", np.ones((4, 2))
     z, t, names, _, _ = imported("plain HDF5", folder / "plain.h5")

@@ -88,7 +88,8 @@ def _collections(tree, prefix=""):
     """Yields the path and the structs of each array of structs, and of structs side by side with the same fields."""
     for name, value in tree.items():
         if isinstance(value, list):
-            structs = [element for element in value if _has_samples(element)]
+            structs = [{name: element} if isinstance(element, numpy.ndarray) else element for element in value]
+            structs = [element for element in structs if _has_samples(element)]
             if structs:
                 yield prefix + name, structs
         elif isinstance(value, dict):
@@ -151,7 +152,20 @@ def read(path, wanted):
         runs = [_run_of(struct, f"{path}: {chosen or 'structs'}({i + 1})", left_out) for i, struct in enumerate(found[chosen])]
     for name, why in left_out.items():
         say(f"{path}: leaves out {name}, {why}")
-    for run in runs:
-        if not run.names:
-            raise Refused(DATA, f"{run.path}: there is no column of numbers")
+    empty = [run for run in runs if not run.names]
+    runs = [run for run in runs if run.names]
+    if not runs:
+        raise Refused(DATA, f"{path}: there is no column of numbers")
+    if empty:
+        say(f"{path}: leaves out {len(empty)} runs without samples, such as {empty[0].path}")
+    _fill(runs)
     return runs
+
+
+def _fill(runs):
+    """Gives all runs of a file the same columns: NaN where a field of a struct is empty."""
+    names = dict.fromkeys(name for run in runs for name in run.names)
+    for run in runs:
+        missing = [name for name in names if name not in run.names]
+        run.value = numpy.column_stack([run.value, *(numpy.full(len(run.value), numpy.nan) for _ in missing)])
+        run.names, run.units = run.names + missing, run.units + [""] * len(missing)
