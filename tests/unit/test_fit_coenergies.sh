@@ -75,4 +75,5 @@ program=$train
 sed '$a loss: {integrator: discrete_gradient}' "$folder/training.yaml" >"$folder/discrete.yaml"
 expect 3 "discrete.yaml:11:20: integrator discrete_gradient cannot step co-energies" fit "$folder/discrete.yaml" \
     --data "$folder/data.h5" -o "$folder/none"
+expect 3 "arm.v holds a co-energy" propose "$folder/scene.yaml" --data "$folder/data.h5" -o "$folder/proposed.yaml"
 finish

@@ -246,6 +246,18 @@ static pm_status write_proposal(const char *scene_path, const char *data, pm_for
     char *scene_name = NULL, *data_name = NULL;
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, scene_path));
+    for (int i = 0; i < scene->physics.nsubsystem && form != PM_FREE; ++i) {
+        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
+        for (int g = 0; g < s->layout.ngroup; ++g) {
+            if (s->layout.group[g].coenergy) {
+                status = pm_fail(PM_ECONFIG,
+                                 "%s: %s.%s holds a co-energy: models for such states are proposed "
+                                 "from the data alone, without a scene",
+                                 s->group_at[g], s->name, s->layout.group[g].name);
+                goto done;
+            }
+        }
+    }
     PM_TRY_DONE(pm_dataset_load(&dataset, data));
     PM_TRY_DONE(pm_unit_change_apply(scene, dataset, true));
     // Paths in a training file are relative to its folder. Absolute paths are valid everywhere.
