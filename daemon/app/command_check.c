@@ -205,6 +205,13 @@ static void print_boundary_input(const pm_scene *scene, int input_id) {
                              boundary_input->value + k * boundary_input->layout.nz + group->first,
                              group->size);
         }
+        const pm_scene_prescribed *first = boundary_input->value + group->first;
+        for (int k = 0; k < 3; ++k, first += boundary_input->layout.nz) {
+            if (first->column != NULL && first->hold != PM_HOLD_SMOOTH) {
+                printf("  (%s)", pm_hold_names[first->hold]);
+                break;
+            }
+        }
         printf("\n");
     }
 }

@@ -62,7 +62,7 @@ pm_status pm_files_check_output(const char *path, bool regular) {
         return PM_OK;
     }
     if (regular && !S_ISREG(facts.st_mode)) {
-        return pm_fail(PM_EUSAGE, "%s: this is not a regular file, and is not replaced", path);
+        return pm_fail(PM_EFILE, "%s: this is not a regular file, and is not replaced", path);
     }
     pthread_mutex_lock(&lock);
     const identity *found = find(&facts);

@@ -13,8 +13,8 @@ void pm_files_note_input(const char *path);
 // Notes that the program has written this file, so that it may read and write it again.
 void pm_files_note_output(const char *path);
 
-// PM_EUSAGE: the program reads the file at `path`, or, with `regular`, there is something at `path`
-// that is no regular file, such as a device.
+// PM_EUSAGE: the program reads the file at `path`. PM_EFILE: with `regular`, there is something at
+// `path` that is no regular file, such as a device.
 pm_status pm_files_check_output(const char *path, bool regular);
 
 // Creates a text file, which the caller closes. PM_EUSAGE: the program reads it. PM_EFILE.

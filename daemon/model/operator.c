@@ -827,7 +827,7 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
                                  .count = s.ngroup,
                                  .expression = group,
                                  .symbols = &site->symbols,
-                                 .nheats = spec->nheats,
+                                 .nheats = spec->learned ? spec->nheats : 0,
                                  .heats = spec->heats};
     PM_TRY(visit(context, &scale));
     if (spec->nalong > 0) {

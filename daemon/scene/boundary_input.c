@@ -164,27 +164,6 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
 
 // --- samples ---
 
-// Collects the samples of all columns along a trajectory, and finds what positions are.
-static void collect(pm_boundary_input *b, const pm_dataset *d, int trajectory, int length) {
-    b->even = d->times == NULL || is_even(d, trajectory);
-    b->unit = b->even ? d->dt : 1;
-    b->origin = pm_dataset_time(d, trajectory, 0);
-    for (int i = 0; i < b->n; ++i) {
-        pm_boundary_samples *s = &b->samples[i];
-        s->count = 0;
-        for (int j = 0; j < length && b->column[i] != PM_BOUNDARY_INPUT_CONSTANT; ++j) {
-            const double time = pm_dataset_time(d, trajectory, j) - b->origin;
-            const double value = b->column[i] == PM_BOUNDARY_INPUT_TIME
-                                     ? time
-                                     : pm_dataset_state(d, trajectory, j)[b->column[i]];
-            if (!isnan(value)) {
-                s->at[s->count] = b->even ? j : time;
-                s->value[s->count++] = value;
-            }
-        }
-    }
-}
-
 // Returns the last sample at or before a position, or the first sample.
 static int sample_before(const pm_boundary_input *b, const pm_boundary_samples *s, double at) {
     const double equal = EQUAL * b->scene->physics.dt / b->unit;
@@ -220,25 +199,9 @@ double pm_boundary_input_jump(const pm_boundary_input *b, double from, double en
 
 // --- polynomials ---
 
-// Computes, in powers of x, the polynomial through d[i] at x[i] for i < n, where
-// n <= PM_BOUNDARY_INPUT_ORDER. Overwrites d with the divided differences.
-static void interpolate(int n, const double *x, double *d, double *power) {
-    for (int level = 1; level < n; ++level) {
-        for (int i = n - 1; i >= level; --i) {
-            d[i] = (d[i] - d[i - 1]) / (x[i] - x[i - level]);
-        }
-    }
-    // Evaluates Newton's form from the inside out: power = power * (x - x_i) + d_i.
-    for (int i = n - 1; i >= 0; --i) {
-        for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k > 0; --k) {
-            power[k] = power[k - 1] - x[i] * power[k];
-        }
-        power[0] = d[i] - x[i] * power[0];
-    }
-}
-
-// The polynomial through the nearest samples, as many before as after the interval where there are
-// enough. Samples that are denser than the interval is long are thinned to its length.
+// Writes, in powers of x, the polynomial through the nearest samples, as many before as after the
+// interval where there are enough. Samples that are denser than the interval is long are thinned to
+// its length.
 static void smooth_over(const pm_boundary_samples *s, bool whole, int before, double from,
                         double end, double *power) {
     const int most = whole ? PM_BOUNDARY_INPUT_ORDER : FEWER, last = s->count - 1;
@@ -254,7 +217,18 @@ static void smooth_over(const pm_boundary_samples *s, bool whole, int before, do
         x[k] = (s->at[first + k * every] - from) / (end - from);
         d[k] = s->value[first + k * every];
     }
-    interpolate(n, x, d, power);
+    // Divided differences, and Newton's form from the inside out: power = power * (x - x_i) + d_i.
+    for (int level = 1; level < n; ++level) {
+        for (int i = n - 1; i >= level; --i) {
+            d[i] = (d[i] - d[i - 1]) / (x[i] - x[i - level]);
+        }
+    }
+    for (int i = n - 1; i >= 0; --i) {
+        for (int k = PM_BOUNDARY_INPUT_ORDER - 1; k > 0; --k) {
+            power[k] = power[k - 1] - x[i] * power[k];
+        }
+        power[0] = d[i] - x[i] * power[0];
+    }
 }
 
 // The value on the straight lines between samples; before the first and after the last it stays.
@@ -333,8 +307,25 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
         memcpy(b->coefficient, b->value, (size_t)b->n * sizeof *b->value);
         return;
     }
+    // Collects the samples of all columns along the trajectory, and finds what positions are.
     b->length = pm_dataset_length(dataset, trajectory);
-    collect(b, dataset, trajectory, b->length);
+    b->even = dataset->times == NULL || is_even(dataset, trajectory);
+    b->unit = b->even ? dataset->dt : 1;
+    b->origin = pm_dataset_time(dataset, trajectory, 0);
+    for (int i = 0; i < b->n; ++i) {
+        pm_boundary_samples *s = &b->samples[i];
+        s->count = 0;
+        for (int j = 0; j < b->length && b->column[i] != PM_BOUNDARY_INPUT_CONSTANT; ++j) {
+            const double time = pm_dataset_time(dataset, trajectory, j) - b->origin;
+            const double value = b->column[i] == PM_BOUNDARY_INPUT_TIME
+                                     ? time
+                                     : pm_dataset_state(dataset, trajectory, j)[b->column[i]];
+            if (!isnan(value)) {
+                s->at[s->count] = b->even ? j : time;
+                s->value[s->count++] = value;
+            }
+        }
+    }
     const long intervals = b->by_step ? steps_of(b, dataset, trajectory) : b->length - 1;
     const double step = b->by_step ? b->scene->physics.dt / b->unit : 1;
     b->end = intervals * b->stride;

@@ -26,6 +26,13 @@ static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsyst
             c->column[subsystem->first + i] = -1; // of a solid, and nobody measures it
             continue;
         }
+        if (k < 0 && subsystem->hidden != NULL && subsystem->hidden[g]) {
+            return pm_fail(PM_EDATA,
+                           "%s: subsystem %s: nobody measures %s, so that its start must be "
+                           "estimated: evaluate with --estimate, and run with `estimate` in the "
+                           "scene's `reference`, or with `initial` states",
+                           subsystem->column_at[i], subsystem->name, subsystem->column[i]);
+        }
         if (k < 0) {
             const char *list = pm_names_fold(dataset->column, dataset->ncolumn, arena);
             return pm_fail(

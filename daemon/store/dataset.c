@@ -381,8 +381,9 @@ static pm_status read_times_of_each(pm_dataset *d, const pm_hdf5 *file, const ch
         if (pm_times_check(path, length, own, d->dt) != PM_OK) {
             return pm_fail(PM_EDATA,
                            "%s: the times of trajectory %d are not %g s apart, which only those of "
-                           "measurements may be: fit them with `noise` in the training file, and "
-                           "evaluate them with --estimate",
+                           "measurements may be: fit them with `noise` in the training file, "
+                           "evaluate them with --estimate, and run from them with `estimate` in "
+                           "the scene's `reference`",
                            path, i, d->dt);
         }
         if (length > longest) {

@@ -33,7 +33,7 @@ expect 2 "link.yaml: the program reads this file" export "$scene" -o "$folder/li
 # A dataset takes the place of its file, and must not do so with a device.
 mkfifo "$folder/pipe"
 program=$train
-expect 2 "pipe: this is not a regular file" truth "$folder/truth.yaml" -o "$folder/pipe"
+expect 4 "pipe: this is not a regular file" truth "$folder/truth.yaml" -o "$folder/pipe"
 
 # What the program has written it may read and write again.
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"

@@ -8,6 +8,7 @@
 
 #include "base/options.h"
 #include "command/tables.h"
+#include "data/hold.h"
 #include "evaluate/gnuplot.h"
 #include "store/dataset.h"
 
@@ -33,18 +34,14 @@ static int compare(const void *a, const void *b) {
 
 // The number of samples of a trajectory before its times end.
 static int sample_count(const pm_dataset *d, int trajectory) {
-    int count = 0;
-    while (count < d->ntime && !isnan(pm_dataset_time(d, trajectory, count))) {
-        ++count;
-    }
-    return count;
+    return pm_dataset_length(d, trajectory);
 }
 
 // Prints the times and the table of columns; unit [ncolumn], or NULL: no unit is known. `work`
 // [ntrajectory ntime] receives steps, then fourth differences: noise of neighbouring samples is
 // independent, while a smooth motion hardly has such differences.
-static void print_facts(const pm_dataset *d, const char *const *unit, const char *path,
-                        double *work) {
+static pm_status print_facts(const pm_dataset *d, const char *const *unit, const char *path,
+                             double *work) {
     double shortest = INFINITY, longest = 0; // trajectory, s
     size_t steps = 0;
     for (int i = 0; i < d->ntrajectory; ++i) {
@@ -112,6 +109,20 @@ static void print_facts(const pm_dataset *d, const char *const *unit, const char
     }
     printf("noise: at most so much, in %% of the deviation, by the fourth differences of "
            "neighbouring samples;\na motion that is fast compared with the sampling adds to it\n");
+    int held = 0;
+    for (int c = 0; c < d->ncolumn; ++c) {
+        pm_hold hold;
+        PM_TRY(pm_hold_of_column(d, c, &hold));
+        if (hold == PM_HOLD_PREVIOUS) {
+            printf("%s%s",
+                   held++ == 0 ? "staircases, as of inputs that are held between samples "
+                                 "(hold: previous): "
+                               : ", ",
+                   d->column[c]);
+        }
+    }
+    printf(held > 0 ? "\n" : "");
+    return PM_OK;
 }
 
 static pm_status plot(const pm_dataset *d, const char *const *unit, const char *folder) {
@@ -194,7 +205,7 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
         given.count == 1 ? file[0]
                          : pm_arena_printf(&d->arena, "%s and %d more", file[0], given.count - 1);
     PM_TRY_DONE(pm_arena_status(&d->arena, "a title"));
-    print_facts(d, unit, title, work);
+    PM_TRY_DONE(print_facts(d, unit, title, work));
     status = folder == NULL ? PM_OK : plot(d, unit, folder);
 done:
     pm_dataset_free(d);

@@ -11,17 +11,26 @@
 
 // --- samples ---
 
-// Returns true if the sample after sample j is at least as near to the time `aim` as sample j. The
-// last sample counts as followed by another one, at its own distance from the one before it.
-static bool later_is_nearer(const pm_dataset *d, int trajectory, int j, int end, double aim,
-                            double dt) {
-    const double t = pm_dataset_time(d, trajectory, j);
-    if (j == 0) {
-        return false;
+// Leaves some of the samples [count], and returns how many: after the first one, each is that whose
+// time is nearest to dt after that of the one before. The last sample counts as followed by another
+// one, at its own distance from the one before it.
+static int thin_out(const pm_dataset *d, int trajectory, double dt, int count, int *sample) {
+    int left = 0;
+    for (int j = 0; j < count; ++j) {
+        const double aim =
+            left == 0 ? -INFINITY : pm_dataset_time(d, trajectory, sample[left - 1]) + dt;
+        for (bool nearer = j > 0; nearer && j < count; j += nearer) {
+            const double t = pm_dataset_time(d, trajectory, sample[j]);
+            const double next = j + 1 < count
+                                    ? pm_dataset_time(d, trajectory, sample[j + 1])
+                                    : 2 * t - pm_dataset_time(d, trajectory, sample[j - 1]);
+            nearer = next - aim <= aim - t + EQUAL * dt;
+        }
+        if (j < count) {
+            sample[left++] = sample[j];
+        }
     }
-    const double next = j + 1 < end ? pm_dataset_time(d, trajectory, j + 1)
-                                    : 2 * t - pm_dataset_time(d, trajectory, j - 1);
-    return next - aim <= aim - t + EQUAL * dt;
+    return left;
 }
 
 // --- steps ---
@@ -124,25 +133,23 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
     PM_TRY(pm_arena_status(&tracks->arena, "measured trajectories"));
     for (int i = 0; i < tracks->count; ++i) {
         pm_track *r = &tracks->track[i];
-        // Lists the samples of a trajectory and returns how many there are. With `thin`, each
-        // sample after the first is the one whose time is nearest to dt after that of the one
-        // before.
         const double start = pm_dataset_time(d, which[i], 0);
         int count = 0, end = pm_dataset_length(d, which[i]);
         while (end > 0 && pm_dataset_time(d, which[i], end - 1) - start > until * (1 + EQUAL)) {
             --end;
         }
         for (int j = 0; j < end; ++j) {
-            const double aim =
-                count == 0 ? start
-                           : pm_dataset_time(d, which[i], sample[count - 1]) + scene->physics.dt;
-            while (thin && j < end &&
-                   later_is_nearer(d, which[i], j, end, aim, scene->physics.dt)) {
-                ++j;
+            // Rows to choose from: the first one, and those with a sample of a measured column.
+            // Inputs may have rows of their own.
+            bool measured = !thin || j == 0;
+            for (int c = 0; c < o->count && !measured; ++c) {
+                measured = !isnan(pm_dataset_state(d, which[i], j)[o->column[c]]);
             }
-            if (j < end) {
-                sample[count++] = j;
-            }
+            sample[count] = j;
+            count += measured;
+        }
+        if (thin) {
+            count = thin_out(d, which[i], scene->physics.dt, count, sample);
         }
         r->count = count;
         if (r->count < 2) {

@@ -35,7 +35,7 @@ static pm_status write_errors(const pm_evaluation *e, const char *folder, const 
     const int ngroup = e->columns.ngroup;
     for (int i = 0; i < e->count; ++i) {
         const pm_rollout *r = &e->rollout[i];
-        for (int j = snapshots ? 1 : 0; j < (snapshots ? e->truth->ntime : 1); ++j) {
+        for (int j = snapshots ? 1 : 0; j < (snapshots ? r->length : 1); ++j) {
             fprintf(file, "%d %.9g", r->trajectory, e->truth->t[j]);
             for (int g = 0; g < ngroup; ++g) {
                 fprintf(file, " %.9g",
@@ -116,7 +116,7 @@ static pm_status draw_errors(const pm_evaluation *e, const pm_evaluation *traine
 static pm_status draw_states(const pm_evaluation *e, const char *folder) {
     FILE *file;
     PM_TRY(pm_plot_open(&file, folder, "states.txt"));
-    for (int j = 0; j < e->truth->ntime; ++j) {
+    for (int j = 0; j < e->rollout[0].length; ++j) {
         const double *row[2] = {pm_dataset_state(e->truth, e->rollout[0].trajectory, j),
                                 pm_dataset_state(e->predicted, 0, j)};
         fprintf(file, "%.9g", e->truth->t[j]);
@@ -191,10 +191,15 @@ static pm_status draw_growth(const pm_evaluation *e, const char *folder, double 
     for (int j = 1; j < e->truth->ntime; ++j) {
         fprintf(file, "%.9g", e->truth->t[j] - e->truth->t[0]);
         for (int g = 0; g < ngroup; ++g) {
+            int count = 0;
             for (int i = 0; i < e->count; ++i) {
-                value[i] = per_cent(e->rollout[i].snapshot[j * ngroup + g]);
+                if (j < e->rollout[i].length) {
+                    value[count++] = per_cent(e->rollout[i].snapshot[j * ngroup + g]);
+                }
             }
-            write_spread(file, e->count, value);
+            if (count > 0) {
+                write_spread(file, count, value);
+            }
         }
         fputc('\n', file);
     }

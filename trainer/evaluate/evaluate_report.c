@@ -156,9 +156,12 @@ static void print_errors(const pm_evaluation *e, const char *title) {
     for (int g = 0; g < e->columns.ngroup; ++g) {
         pm_score_sums sums = {0};
         for (long k = 0; k < (long)e->count * e->truth->ntime; ++k) {
-            const double *row = pm_dataset_state(
-                e->truth, e->rollout[k / e->truth->ntime].trajectory, (int)(k % e->truth->ntime));
-            pm_score_add(&e->columns, g, row, row, &sums);
+            const pm_rollout *r = &e->rollout[k / e->truth->ntime];
+            const int j = (int)(k % e->truth->ntime);
+            const double *row = pm_dataset_state(e->truth, r->trajectory, j);
+            if (j < r->length) {
+                pm_score_add(&e->columns, g, row, row, &sums);
+            }
         }
         if (sums.norm == 0) {
             printf("  %s is zero in truth: its errors are absolute, times 100\n",
@@ -170,7 +173,7 @@ static void print_errors(const pm_evaluation *e, const char *title) {
         printf("\n%d of %d rollouts became non-finite; their errors count as infinite:", failures,
                e->count);
         for (int i = 0; i < e->count; ++i) {
-            if (e->rollout[i].reached < e->truth->ntime) {
+            if (e->rollout[i].reached < e->rollout[i].length) {
                 printf(" %d (after %d states)", e->rollout[i].trajectory, e->rollout[i].reached);
             }
         }

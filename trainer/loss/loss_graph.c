@@ -92,6 +92,9 @@ static pm_status append_balance(pm_graph *g, const pm_system *system, const pm_s
             const pm_node z = s->work.state[i].z, E = pm_part_energy(g, part, z);
             pm_gradient(g, E, PM_NO_NODE, 1, &z, &s->z[i]);
         }
+        if (s->z[i] == PM_NO_NODE) { // the energy is constant
+            s->z[i] = pm_constant(g, 0, 1, part->layout.nz);
+        }
     }
     pm_magnitudes_free(&m);
     const double least = LEAST_ENERGY * energy;

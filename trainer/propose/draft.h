@@ -20,4 +20,8 @@ typedef struct pm_draft {
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
 
+// Returns whether a column tells what the outside shows in a group of a boundary input: 0 its
+// value, 1 its dE, 2 its dS.
+bool pm_draft_follows(const pm_scene_boundary_input *input, const pm_group *group, int which);
+
 #endif

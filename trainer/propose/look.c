@@ -11,6 +11,7 @@
 // The examined states: more change no figure that is printed, and cost time. MARGIN states at
 // either end of a trajectory are needed for central differences of fourth order.
 #define MOST_STATES 6000
+#define FEWEST_CALM 0.2 // of the states, away from jumps of inputs, that suffice
 #define MARGIN 2
 static const double difference[2 * MARGIN + 1] = {1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12};
 
@@ -336,6 +337,16 @@ static void take_rate(const pm_look *look, int i, int j, double *rate) {
     }
 }
 
+// Whether the rates at sample j of trajectory i, and at the next one, are differences of states
+// between which no input jumps.
+static bool has_rates(const pm_look *look, int i, int j, bool jumps) {
+    const pm_dataset *d = look->dataset;
+    const double from = j - MARGIN, end = j + 1 + MARGIN;
+    const bool inside = j + 1 + MARGIN < pm_dataset_length(d, i);
+    return inside && (jumps || d->zdot != NULL || look->scene->physics.nprescribed == 0 ||
+                      !(pm_boundary_input_jump(look->source, from, end) < end));
+}
+
 pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d) {
     const int nz = scene->physics.nz, per = d->ntime - 2 * MARGIN - 1; // states of a trajectory
     *look = (pm_look){.scene = scene, .dataset = d, .samples = d->ntrajectory * d->ntime};
@@ -361,15 +372,29 @@ pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d
     square = pm_arena_array(&look->arena, n, sizeof *square);
     PM_TRY_DONE(pm_arena_status(&look->arena, "a look at the data"));
     PM_TRY_DONE(pm_boundary_input_bind(look->source, scene, d, 1, &look->arena));
+    // States near a jump of an input are left out, unless few others are left.
+    long calm = 0;
+    for (long k = 0; k < all; k += stride) {
+        const int i = (int)(k / per);
+        if (scene->physics.nprescribed > 0 && followed != i) {
+            pm_boundary_input_follow(look->source, d, i);
+            followed = i;
+        }
+        calm += has_rates(look, i, MARGIN + (int)(k % per), false);
+    }
+    const bool jumps = (double)calm < FEWEST_CALM * (double)(all / stride + 1);
     for (long k = 0; k < all; k += stride) {
         const int i = (int)(k / per), j = MARGIN + (int)(k % per);
         const ptrdiff_t at = (ptrdiff_t)look->count * nz;
+        if (scene->physics.nprescribed > 0 && followed != i) {
+            pm_boundary_input_follow(look->source, d, i);
+            followed = i;
+        }
+        if (!has_rates(look, i, j, jumps)) {
+            continue;
+        }
         pm_columns_to_state(&look->columns, pm_dataset_state(d, i, j), look->z + at);
         if (scene->physics.nprescribed > 0) {
-            if (followed != i) {
-                pm_boundary_input_follow(look->source, d, i);
-                followed = i;
-            }
             pm_boundary_input_at(look->source, j, 0,
                                  look->input + (ptrdiff_t)look->count * scene->physics.nprescribed);
         }
@@ -382,6 +407,10 @@ pm_status pm_look_make(pm_look *look, const pm_scene *scene, const pm_dataset *d
             square[c] += r * r;
         }
         ++look->count;
+    }
+    if (look->count == 0) {
+        status = pm_fail(PM_EDATA, "trajectories of %d states are too short to examine", d->ntime);
+        goto done;
     }
     for (int c = 0; c < nz; ++c) {
         if (square[c] > 0) {

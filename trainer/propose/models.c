@@ -162,13 +162,36 @@ static void add_strength(const pm_draft *d, list *l, const pm_part_view *v, cons
     }
 }
 
-// Writes the rates of a model without structure.
+bool pm_draft_follows(const pm_scene_boundary_input *input, const pm_group *group, int which) {
+    bool any = false;
+    for (int c = 0; c < group->size; ++c) {
+        any = any || input->value[which * input->layout.nz + group->first + c].column != NULL;
+    }
+    return any;
+}
+
+// Writes the rates of a model without structure. At a port with a boundary input, its end `own`
+// alone has a rate, which reads what the input follows.
 static void write_free(const pm_draft *d, const pm_layout *const layout[2],
-                       const char *const before[2]) {
-    list l = open_list(d->file, "    form: free\n    rate: {features: ");
+                       const pm_scene_boundary_input *input, int own) {
+    fputs("    form: free\n", d->file);
+    if (input != NULL) {
+        fprintf(d->file, "    ends: %c\n", own == 0 ? 'a' : 'b');
+    }
+    list l = open_list(d->file, "    rate: {features: ");
     for (int k = 0; k < 2; ++k) {
-        for (int g = 0; layout[k] != NULL && g < layout[k]->ngroup; ++g) {
-            add_name(&l, before[k], layout[k]->group[g].name);
+        const pm_layout *shown = layout[k == 0 ? own : 1 - own];
+        const char *before = layout[1] == NULL ? "" : k == 0 ? "own." : "other.";
+        for (int g = 0; shown != NULL && g < shown->ngroup; ++g) {
+            const char *name = shown->group[g].name;
+            const pm_group *given =
+                k == 0 || input == NULL ? NULL : pm_layout_find(&input->layout, name);
+            if (given == NULL || pm_draft_follows(input, given, 0)) {
+                add_name(&l, before, name);
+            }
+            if (given != NULL && pm_draft_follows(input, given, 1)) {
+                add_name(&l, "other.dE.", name);
+            }
         }
     }
     fprintf(d->file, "], hidden: [%d], skip: linear}\n",
@@ -439,8 +462,7 @@ void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
     fprintf(f, "  %s:\n", subsystem->name);
     comment_part(d, v);
     if (d->p->form == PM_FREE) {
-        write_free(d, (const pm_layout *const[2]){&subsystem->layout, NULL},
-                   (const char *const[2]){"", ""});
+        write_free(d, (const pm_layout *const[2]){&subsystem->layout, NULL}, NULL, 0);
         return;
     }
     fprintf(f, "    form: %s\n", d->p->form == PM_HARD ? "hard" : "soft");
@@ -731,7 +753,11 @@ void pm_draft_port(const pm_draft *d, int port) {
     fprintf(d->file, "  %s:\n    law: %s\n", p.scene->name,
             d->p->form == PM_FREE ? "exchange" : "bracket");
     if (d->p->form == PM_FREE) {
-        write_free(d, p.shown, (const char *const[2]){"own.", "other."});
+        const int own = p.scene->subsystem[0] < 0, outside = p.scene->boundary_input[!own];
+        write_free(d, p.shown,
+                   p.scene->subsystem[!own] >= 0 ? NULL
+                                                 : &d->p->scene->physics.boundary_input[outside],
+                   own);
         return;
     }
     fprintf(d->file, d->p->form == PM_SOFT ? "    form: soft\n" : "");

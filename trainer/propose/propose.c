@@ -197,12 +197,78 @@ pm_status pm_propose_scene(const char *from, const char *path) {
     return failed ? pm_fail(PM_EFILE, "%s: cannot be read", from) : status;
 }
 
+// Writes all groups of boundary inputs that follow columns as one input, which acts on everything,
+// and returns how many there are. Without a file it only counts them.
+static int write_outside(FILE *file, const pm_physics *physics) {
+    static const char *const key[] = {"value", "dE", "dS"};
+    int count = 0;
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *input = &physics->boundary_input[i];
+        for (int g = 0; g < input->layout.ngroup; ++g) {
+            const pm_group *group = &input->layout.group[g];
+            if (!pm_draft_follows(input, group, 0) && !pm_draft_follows(input, group, 1)) {
+                continue;
+            }
+            const pm_scene_prescribed *hold = &input->value[group->first];
+            if (file != NULL) {
+                fprintf(file, "%s    %s_%s: {unit: \"%s\"",
+                        count == 0 ? "boundary_inputs:\n  outside:\n" : "", input->name,
+                        group->name, group->unit);
+            }
+            for (int k = 0; k < 2 && file != NULL; ++k) {
+                fprintf(file, ", %s: [", key[k]);
+                for (int c = 0; c < group->size; ++c) {
+                    const pm_scene_prescribed *value =
+                        &input->value[k * input->layout.nz + group->first + c];
+                    hold = value->column == NULL ? hold : value;
+                    if (value->column == NULL) {
+                        fprintf(file, "%s%.17g", c > 0 ? ", " : "", value->number);
+                    } else {
+                        fprintf(file, "%s\"%s\"", c > 0 ? ", " : "", value->column);
+                    }
+                }
+                fputs("]", file);
+            }
+            if (file != NULL) {
+                fprintf(file, ", hold: %s}\n", pm_hold_names[hold->hold]);
+            }
+            ++count;
+        }
+    }
+    return count;
+}
+
 bool pm_propose_fits_one(const pm_scene *scene) {
     int count = 0;
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         count += scene->physics.subsystem[i].layout.ngroup;
     }
-    return scene->physics.nboundary_input == 0 && count <= PM_MAX_GROUPS;
+    return count <= PM_MAX_GROUPS && write_outside(NULL, &scene->physics) <= PM_MAX_GROUPS;
+}
+
+// Writes the port through which the outside acts on the one subsystem.
+static void write_outside_port(FILE *file, const pm_physics *physics) {
+    fputs("ports:\n  inputs:\n    law: exchange\n    between: [all, outside]\n"
+          "    weights: weights/inputs.h5\n    expose:\n      all: [",
+          file);
+    for (int i = 0, n = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            fprintf(file, "%s%s_%s", n++ > 0 ? ", " : "", subsystem->name,
+                    subsystem->layout.group[g].name);
+        }
+    }
+    fputs("]\n      outside: [", file);
+    for (int i = 0, n = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *input = &physics->boundary_input[i];
+        for (int g = 0; g < input->layout.ngroup; ++g) {
+            const pm_group *group = &input->layout.group[g];
+            if (pm_draft_follows(input, group, 0) || pm_draft_follows(input, group, 1)) {
+                fprintf(file, "%s%s_%s", n++ > 0 ? ", " : "", input->name, group->name);
+            }
+        }
+    }
+    fputs("]\n", file);
 }
 
 pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
@@ -234,6 +300,9 @@ pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
             }
             fputs("]}\n", file);
         }
+    }
+    if (write_outside(file, &scene->physics) > 0) {
+        write_outside_port(file, &scene->physics);
     }
     return close_file(file, path);
 }

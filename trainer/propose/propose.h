@@ -24,14 +24,15 @@ pm_status pm_propose(const pm_proposal *proposal, const char *path);
 // the form free have. PM_EFILE.
 pm_status pm_propose_scene(const char *from, const char *path);
 
-// Returns true if one subsystem can have all groups of the scene: there are no boundary inputs and
-// not too many groups.
+// Returns true if one subsystem can have all groups of the scene: there are not too many, neither
+// of subsystems nor of boundary inputs.
 bool pm_propose_fits_one(const pm_scene *scene);
 // Writes a scene to `path` that has the columns and the steps of `scene`, but a single subsystem
 // without ports. Its groups are those of all subsystems in their order, called
-// "<subsystem>_<group>". The rates of a model of the form free may then depend on all variables of
-// the scene. With ports, the rates of a subsystem could depend only on its own variables and on
-// those that its neighbours expose. PM_EFILE.
+// "<subsystem>_<group>". What boundary inputs follow becomes one of them, "outside", with one port.
+// The rates of a model of the form free may then depend on all variables of the scene. With ports,
+// the rates of a subsystem could depend only on its own variables and on those that its neighbours
+// expose. PM_EFILE.
 pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path);
 
 // Reads a scene and a dataset and writes the training file `output`. For the form free it

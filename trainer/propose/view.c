@@ -468,12 +468,12 @@ static void take_vector(const pm_look *look, const double *row, const pm_look_gr
 // each interval by the polynomial through the nearest states.
 static void integrate_moments(balance *b, int i) {
     const pm_dataset *d = b->look->dataset;
-    const int n = 3 * b->nmoment;
+    const int n = 3 * b->nmoment, length = pm_dataset_length(d, i);
     memset(b->rate, 0, (size_t)d->ntime * (size_t)n * sizeof *b->rate);
     if (b->look->scene->physics.nprescribed > 0) {
         pm_boundary_input_follow(b->look->source, d, i);
     }
-    for (int j = 0; j < d->ntime; ++j) {
+    for (int j = 0; j < length; ++j) {
         const double *row = pm_dataset_state(d, i, j);
         if (b->look->scene->physics.nprescribed > 0) {
             pm_boundary_input_at(b->look->source, j, 0, b->value);
@@ -492,13 +492,12 @@ static void integrate_moments(balance *b, int i) {
         }
     }
     memset(b->integral, 0, (size_t)n * sizeof *b->integral);
-    for (int j = 0; j + 1 < d->ntime; ++j) {
+    for (int j = 0; j + 1 < length; ++j) {
         for (int a = 0; a < n; ++a) {
             const double *f = b->rate + (ptrdiff_t)j * n + a;
-            const double area = j == 0 ? FIRST * f[0] + SECOND * f[n] - f[2 * n]
-                                : j + 2 == d->ntime
-                                    ? FIRST * f[n] + SECOND * f[0] - f[-n]
-                                    : (INNER * (f[0] + f[n]) - f[-n] - f[2 * n]) / 2;
+            const double area = j == 0            ? FIRST * f[0] + SECOND * f[n] - f[2 * n]
+                                : j + 2 == length ? FIRST * f[n] + SECOND * f[0] - f[-n]
+                                                  : (INNER * (f[0] + f[n]) - f[-n] - f[2 * n]) / 2;
             b->integral[(ptrdiff_t)(j + 1) * n + a] =
                 b->integral[(ptrdiff_t)j * n + a] + d->dt * area / WHOLE;
         }
@@ -516,7 +515,7 @@ static bool is_balanced(balance *b) {
             if (b->nmoment > 0) {
                 integrate_moments(b, i);
             }
-            for (int j = 0; j < d->ntime; ++j) {
+            for (int j = 0; j < pm_dataset_length(d, i); ++j) {
                 double J[3] = {0};
                 for (int k = 0; k < b->npair; ++k) {
                     double q[3], p[3];
