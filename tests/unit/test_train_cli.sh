@@ -24,7 +24,7 @@ for command in truth evaluate fit nodes reduce contact reconstruct picture; do
 done
 expect 2 "needs a value" truth $slow -o
 expect 2 "--output FILE is missing" truth $slow
-expect 2 "--data FILE is missing" evaluate "$scene"
+expect 2 "--data FILE... is missing" evaluate "$scene"
 expect 2 "takes no value" evaluate "$scene" --json=yes
 for range in 50 99999999999999999999 3:3 4:2 -1:2 1:51 x 1:x ''; do
     expect 2 "expected A:B" truth $slow -o "$new" --trajectories "$range"
