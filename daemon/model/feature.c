@@ -71,6 +71,14 @@ static pm_node build_inverse(pm_graph *g, pm_node x, pm_node y) {
     return pm_div(g, x, pm_offset(g, norm_squared(g, x), SMALLEST_SQUARE));
 }
 
+static pm_node build_distance(pm_graph *g, pm_node x, pm_node y) {
+    return build_norm(g, pm_sub(g, x, y), y);
+}
+
+static pm_node build_log_distance(pm_graph *g, pm_node x, pm_node y) {
+    return build_log_norm(g, pm_sub(g, x, y), y);
+}
+
 // --- discrete derivatives: add the weight of a feature to the co-vectors of x and y ---
 
 // A vector at both ends of a step.
@@ -190,6 +198,27 @@ pm_node pm_trigonometric_difference(pm_graph *g, bool sine, pm_node a, pm_node b
 TRIGONOMETRIC(sin, true)
 TRIGONOMETRIC(cos, false)
 
+// A function of x - y moves x and, with the opposite sign, y.
+static void discrete_difference(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
+                                pm_node *dy,
+                                void (*of)(pm_graph *, pm_node, pair, pair, pm_node *, pm_node *)) {
+    const pair difference = {pm_sub(g, x.from, y.from), pm_sub(g, x.to, y.to)};
+    pm_node slope = PM_NO_NODE;
+    of(g, weight, difference, y, &slope, dy);
+    *dx = pm_add_or(g, *dx, slope);
+    *dy = pm_add_or(g, *dy, pm_scale(g, slope, -1));
+}
+
+static void discrete_distance(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
+                              pm_node *dy) {
+    discrete_difference(g, weight, x, y, dx, dy, discrete_norm);
+}
+
+static void discrete_log_distance(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx,
+                                  pm_node *dy) {
+    discrete_difference(g, weight, x, y, dx, dy, discrete_log_norm);
+}
+
 // The text around and between the names. In the table a longer form stands before its prefixes.
 typedef struct feature_form {
     const char *before, *between, *after; // between: NULL for one name
@@ -200,6 +229,8 @@ typedef struct feature_form {
 } feature_form;
 
 static const feature_form forms[] = {
+    {"ln|", "-", "|", true, build_log_distance, discrete_log_distance},
+    {"|", "-", "|", true, build_distance, discrete_distance},
     {"ln|", NULL, "|", true, build_log_norm, discrete_log_norm},
     {"|min(", NULL, ",0)|^2", true, build_negative_squared, discrete_negative_squared},
     {"|min(", NULL, ",0)|", true, build_negative_norm, discrete_negative_norm},
@@ -285,10 +316,11 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
         }
         return PM_OK;
     }
-    return pm_fail(PM_ECONFIG,
-                   "feature \"%s\": expected x, |x|, ln|x|, |x|^2, <x,y>, sin(x), cos(x), "
-                   "|min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
-                   expression);
+    return pm_fail(
+        PM_ECONFIG,
+        "feature \"%s\": expected x, |x|, ln|x|, |x|^2, |x-y|, ln|x-y|, <x,y>, sin(x), cos(x), "
+        "|min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
+        expression);
 }
 
 void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,

@@ -2,6 +2,7 @@
 // frames (pm_operator_spec in spec.h).
 //   x                          the components of x themselves
 //   |x|  ln|x|  |x|^2  <x,y>   one number, invariant under rotations
+//   |x-y|  ln|x-y|             the length of a difference, also invariant
 //   |min(x,0)|  |min(x,0)|^2   the length of the negative components of x: zero, with a zero slope,
 //                              while no component is negative
 //   sin(x)  cos(x)             of each component of x, an angle in rad

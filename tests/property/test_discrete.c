@@ -26,7 +26,8 @@ static const char every_feature[] =
     "  - \"0.3*|min(p,0)|^2 + |min(q,0)|\"\n"
     "  - {features: [\"ln|q|\", \"|p|\", s], hidden: [5, 4], skip: quadratic}\n"
     "  - {features: [\"|p|^2\", \"<q,p>\", q], hidden: [4], skip: linear, zero_at_origin: true}\n"
-    "entropy: [{given: s}, {features: [\"ln|q|\", s], hidden: [3]}]\n"
+    "  - {features: [\"ln|q-p|\", \"|p-q|\"], hidden: [3]}\n"
+    "entropy: [{given: s}, {features: [\"ln|q|\", s, \"sin(q)\", \"cos(p)\"], hidden: [3]}]\n"
     "reversible: {given: [[q, p, 1.0]]}\n"
     "irreversible: {learned: {acts_on: [s], rank: 1}}\n";
 

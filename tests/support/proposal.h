@@ -28,7 +28,8 @@ static inline void propose_text(const char *scene_text, const pm_dataset *d,
     close(id);
     pm_scene *scene = NULL;
     assert_int_equal(pm_scene_parse(&scene, scene_text, "scene.yaml"), PM_OK);
-    const pm_proposal p = {scene, d, "scene.yaml", "data.h5", PM_HARD};
+    const pm_proposal p = {
+        .scene = scene, .dataset = d, .scene_path = "scene.yaml", .data_path = "data.h5"};
     assert_int_equal(pm_propose(&p, path), PM_OK);
     FILE *file = fopen(path, "r");
     assert_non_null(file);

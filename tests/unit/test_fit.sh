@@ -351,7 +351,7 @@ grep -q "Errors of one step are not measured where boundary inputs act" "$folder
     fail "fit: expected a word on errors of one step"
 
 # --- a scene alone: propose, and a black box beside ---
-"$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/proposed.yaml" >"$folder/out" 2>"$folder/err" ||
+"$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/proposed.yaml" --budget 0 >"$folder/out" 2>"$folder/err" ||
     fail propose
 for text in 'reversible:' 'given: \[\[q, p, 1.0\]\]' 'given: \[\[a.p, b.q, 1.0\]\]' 'stages:'; do
     grep -q -e "$text" "$folder/proposed.yaml" || fail "proposed.yaml: expected $text"
@@ -360,7 +360,7 @@ done
     fail "propose --form free"
 grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yaml" ||
     fail "box_scene.yaml: expected one subsystem with all groups"
-"$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/soft.yaml" --form soft >"$folder/out" 2>"$folder/err" ||
+"$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/soft.yaml" --form soft --budget 0 >"$folder/out" 2>"$folder/err" ||
     fail "propose --form soft"
 for text in 'form: soft' 'law: bracket' 'hidden: \[8\], skip: linear'; do
     grep -q -e "$text" "$folder/soft.yaml" || fail "soft.yaml: expected $text"

@@ -397,7 +397,7 @@ def options():
     check(done.returncode == 0 and done.stdout.startswith("{"), f"evaluate --json: {done.stdout[:80]} {done.stderr}")
     done = run(train, "inspect", csv, csv)
     check("2 trajectories of 11.7 to 11.7 s" in done.stdout, f"inspect: {done.stdout} {done.stderr}")
-    done = run(train, "propose", scene, "--data", csv, csv, "-o", folder / "draft.yaml")
+    done = run(train, "propose", scene, "--data", csv, csv, "-o", folder / "draft.yaml", "--budget", "0")
     check(done.returncode == 0 and (folder / "draft_data.h5").exists(), f"propose: {done.stdout} {done.stderr}")
     check("draft_data.h5" in (folder / "draft.yaml").read_text(), "propose: expected the dataset in the training file")
     before = set(os.listdir(tempfile.gettempdir()))

@@ -225,9 +225,9 @@ expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h
 # --- fit ---
 sed "s|^scene: |scene: $PWD/configs/train/|; /scale:/s/s: 300.0/s: [-300.0]/" configs/train/public_beam.yaml >"$folder/bad.yaml"
 expect 3 "expected numbers >= 0, found -300" fit "$folder/bad.yaml" -o "$folder/none"
-"$train" propose "$scene" --data "$data" -o "$folder/first.yaml" >"$folder/out" 2>"$folder/err" || fail "propose"
+"$train" propose "$scene" --data "$data" -o "$folder/first.yaml" --budget 0 >"$folder/out" 2>"$folder/err" || fail "propose"
 sed 's/unit: J\/K/unit: furlongs/' "$scene" >"$folder/odd.yaml"
-succeed 'the unit "furlongs" is not known' propose "$folder/odd.yaml" --data "$data" -o "$folder/odd_first.yaml"
+succeed 'the unit "furlongs" is not known' propose "$folder/odd.yaml" --data "$data" -o "$folder/odd_first.yaml" --budget 0
 sed -i 's/^data: {/data: {seconds: 1.0e-9, /' "$folder/first.yaml"
 expect 5 "seconds: 1e-09 s are shorter than a step" fit "$folder/first.yaml" --data "$data" -o "$folder/none"
 

@@ -17,6 +17,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop);
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop);
+// Reads the option --budget, s, which may end in "s"; NULL leaves *seconds as it is. PM_EUSAGE.
+pm_status pm_command_budget(const char *text, double *seconds);
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop);
 
 #endif

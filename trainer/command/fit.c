@@ -15,13 +15,20 @@
 
 // If the argument is a scene, proposes its training file and continues with that. The caller frees
 // *training.
-static pm_status propose(pm_fit_arguments *a, char **training) {
+static pm_status propose(pm_fit_arguments *a, const volatile sig_atomic_t *stop, char **training) {
     if (!pm_propose_is_scene(a->config)) {
         return PM_OK;
     }
     if (a->data == NULL) {
         return pm_fail(PM_EUSAGE, "%s is a scene; name the dataset with --data FILE", a->config);
     }
+    pm_proposal how = {.form = PM_HARD,
+                       .trajectories = a->trajectories,
+                       .validation = a->validation,
+                       .budget = PM_PROPOSAL_BUDGET,
+                       .loud = true,
+                       .stop = stop};
+    PM_TRY(pm_command_budget(a->budget, &how.budget));
     PM_TRY(pm_options_folder(a->output));
     const size_t size = strlen(a->output) + sizeof "/training.yaml";
     *training = malloc(size);
@@ -31,7 +38,7 @@ static pm_status propose(pm_fit_arguments *a, char **training) {
     snprintf(*training, size, "%s/training.yaml", a->output);
     pm_status status = PM_OK;
     if (pm_team_leads(a->team) && (!a->resume || access(*training, R_OK) != 0)) {
-        status = pm_propose_files(a->config, a->data, PM_HARD, *training);
+        status = pm_propose_files(a->config, a->data, &how, *training);
     }
     a->config = *training;
     // The others of a team read what the first one has written.
@@ -62,7 +69,8 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
     snprintf(config, sizeof config, "%s/training.yaml", folder);
     PM_TRY(pm_options_folder(folder));
     printf("\nA black box for comparison:\n");
-    PM_TRY(pm_propose_files(f->training->scene->path, f->data, PM_FREE, config));
+    const pm_proposal how = {.form = PM_FREE};
+    PM_TRY(pm_propose_files(f->training->scene->path, f->data, &how, config));
     pm_fit_arguments a = {
         .config = config,
         .data = f->data,
@@ -87,7 +95,7 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
     char *training = NULL;
     pm_fit f;
     pm_measure black_box = {.ncell = 0};
-    pm_status status = propose(a, &training);
+    pm_status status = propose(a, stop, &training);
     if (status == PM_OK) {
         status = train(&f, a, stop, true);
         if (f.interrupted && pm_team_leads(a->team)) {
@@ -151,6 +159,8 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
          "of the first weights and all batches, instead of the one in CONFIG"},
         {"--black-box", NULL, NULL, &a.black_box, NULL, false,
          "also train a model without structure for the same CPU time"},
+        {"--budget", NULL, "SECONDS", NULL, &a.budget, false,
+         "with a SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
         {"--resume", NULL, NULL, &a.resume, NULL, false,
          "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
     };

@@ -1,6 +1,7 @@
 // portmet-train propose: writes a training file for a scene from its units, ports and data.
 #include "command/commands.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,13 +12,26 @@
 #include "propose/logger.h"
 #include "propose/propose.h"
 
+pm_status pm_command_budget(const char *text, double *seconds) {
+    char *end = NULL;
+    const double value = text == NULL ? *seconds : strtod(text, &end);
+    end += end != NULL && *end == 's';
+    if (text != NULL && (end == text || *end != '\0' || !(value >= 0 && isfinite(value)))) {
+        return pm_fail(PM_EUSAGE, "--budget: expected a time in s, such as 60, found \"%.40s\"",
+                       text);
+    }
+    *seconds = value;
+    return PM_OK;
+}
+
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    (void)stop;                                                  // nothing here takes long
     static const char *const forms[] = {"hard", "soft", "free"}; // in the order of pm_form
     const char *scene = NULL, *first = NULL, *output = NULL, *text = forms[PM_HARD];
     const char *inputs = NULL, *hidden = NULL, *seed = NULL, *first_part = NULL, *first_port = NULL;
     pm_words part = {0}, port = {0};
     int64_t number = 1;
+    const char *budget = NULL;
+    pm_proposal how = {.budget = PM_PROPOSAL_BUDGET, .loud = true, .stop = stop};
     bool helped = false;
     pm_words given = {0};
     const pm_option table[] = {
@@ -37,6 +51,8 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
          "without SCENE: of the training file; default: 1"},
         {"--hidden", NULL, "N", NULL, &hidden, false,
          "without SCENE: 0 if no velocity is missing; default: those of positions"},
+        {"--budget", NULL, "SECONDS", NULL, &budget, false,
+         "with SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
     };
     const struct pm_several others[] = {{"--part", &part}, {"--port", &port}, {NULL, NULL}};
     const pm_options options = {
@@ -45,7 +61,11 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
             "Writes a training file for the subsystems and ports of SCENE that need weights, with\n"
             "comments that give reasons: units (two variables whose product is J s are conjugate,\n"
             "J/K is an entropy), ports, and statistics of the data (which rates follow which\n"
-            "variables, what is conserved, how fast rates change). Edit it where you know better.\n"
+            "variables, what is conserved, how fast rates change). Where these may be wrong, "
+            "other\n"
+            "hypotheses are tried by short fits, and the comment at the head of the file says "
+            "what\n"
+            "was tried and how far each came. Edit the file where you know better.\n"
             "For the form free a scene with a single subsystem is written beside it. Tables are\n"
             "turned into a dataset beside it, whose name ends in _data.h5.\n\n"
             "Without SCENE the columns are what sensors show: velocities, temperatures, currents,\n"
@@ -65,6 +85,7 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
     int form = PM_HARD;
     pm_status status;
     PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY_DONE(pm_command_budget(budget, &how.budget));
     if (helped) {
         goto done;
     }
@@ -94,7 +115,8 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
             : pm_fail(PM_EUSAGE, "--form: expected hard, soft or free, found \"%.40s\"", text));
     snprintf(keep, sizeof keep, "%.*s_data.h5", (int)pm_path_stem(output), output);
     PM_TRY_DONE(pm_data_open(&data, &given, keep, false));
-    status = pm_propose_files(scene, data.path, (pm_form)form, output);
+    how.form = (pm_form)form;
+    status = pm_propose_files(scene, data.path, &how, output);
 done:
     pm_data_close(&data);
     free(given.word);

@@ -42,6 +42,10 @@ static pm_status initialise(pm_fit *f) {
 
 // --- the whole ---
 
+static int least(int a, int b) {
+    return a < b ? a : b;
+}
+
 pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
                       const volatile sig_atomic_t *stop) {
     *f = (pm_fit){.arguments = arguments, .stop = stop, .position = {.best = -1}};
@@ -53,6 +57,17 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
         PM_TRY(pm_options_count("--seed", arguments->seed, INT32_MAX, &seed));
         t->seed = (uint64_t)seed;
         t->digest = pm_digest_integer(t->digest, seed);
+    }
+    const pm_fit_effort *e = arguments->effort;
+    if (e != NULL) {
+        t->tries = least(t->tries, e->tries);
+        t->try_iterations = least(t->try_iterations, e->try_iterations);
+        t->nstage = least(t->nstage, e->stages);
+    }
+    for (int i = 0; i < t->nstage && e != NULL; ++i) {
+        pm_schedule *schedule = &t->stage[i].schedule;
+        schedule->iterations = least(schedule->iterations, e->iterations);
+        schedule->batch = least(schedule->batch, e->samples);
     }
     f->kind = pm_training_is_measured(t) ? &pm_fit_of_measurements : &pm_fit_of_states;
     if (arguments->team != NULL && f->kind == &pm_fit_of_measurements) {
@@ -138,6 +153,11 @@ pm_status pm_fit_run(pm_fit *f) {
 
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box) {
     return fit->kind->report(fit, black_box);
+}
+
+pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score) {
+    *score = (pm_fit_score){NAN, INFINITY, NAN};
+    return fit->kind->judge(fit, score);
 }
 
 void pm_fit_close(pm_fit *f) {

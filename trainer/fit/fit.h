@@ -14,15 +14,35 @@
 #include "fit/training.h"
 #include "store/snapshot.h"
 
+// Shortens a fit, so that training files can be compared. Such a fit has one attempt, and finds no
+// uncertainty.
+typedef struct pm_fit_effort {
+    int tries, try_iterations; // at most so many draws of the first weights, and iterations of each
+    int samples;               // at most so many samples in a batch
+    int iterations; // at most so many in each stage; measurements: steps of the continuation in all
+    int stages;     // at most so many
+} pm_fit_effort;
+
+// How good the weights of a fit are on the validation part, or on the training part where there is
+// none. Errors as fractions; NAN: not measured; infinite: not finite.
+typedef struct pm_fit_score {
+    double step;       // of the change over one step: the geometric mean over groups
+    double rollout;    // states: relative to persistence, the geometric mean over groups;
+                       // measurements: relative to the deviation, the geometric mean over columns
+    double production; // of the entropy produced over a rollout: the median
+} pm_fit_score;
+
 // The command line of a fit. Texts are borrowed; NULL: not given.
 typedef struct pm_fit_arguments {
     const char *config, *data, *output, *trajectories, *validation;
+    const char *budget;   // s for a proposal (propose/propose.h)
     const char *data_set; // name of the dataset of measurements; NULL: as the training file says
     const char *seed;     // of first weights and batches; NULL: as the training file says
     bool resume, black_box;
     const pm_team *team; // the processes that train together; NULL: this one alone
     double limit;        // s of CPU time, after which the fit ends with the weights it has; 0: none
-    char line[1024];     // the whole command, for the weights files
+    const pm_fit_effort *effort; // of a short fit; NULL: the whole
+    char line[1024];             // the whole command, for the weights files
 } pm_fit_arguments;
 
 #define PM_FIT_CHECKPOINT_INTERVAL 30.0 // s
@@ -119,6 +139,8 @@ typedef struct pm_fit_kind {
     // on the validation part; NULL: the report trains a regression (inference/black_box.h) beside,
     // for a part of the time of the fit. PM_EUNFIT if the model is of no use.
     pm_status (*report)(pm_fit *f, const pm_measure *black_box);
+    // Scores the present weights.
+    pm_status (*judge)(pm_fit *f, pm_fit_score *score);
 } pm_fit_kind;
 
 extern const pm_fit_kind pm_fit_of_states, pm_fit_of_measurements;
@@ -136,6 +158,9 @@ pm_status pm_fit_run(pm_fit *fit);
 void pm_fit_close(pm_fit *fit);
 // Prints a report of the present weights, as pm_fit_kind does.
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box);
+
+// Scores the present weights, as pm_fit_kind does.
+pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score);
 
 // --- fit/fit_folder.c: what the kinds of fits use ---
 

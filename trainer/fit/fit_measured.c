@@ -264,13 +264,21 @@ static pm_status start(pm_fit *f) {
 typedef struct continuation_context {
     pm_fit *fit;
     pm_shooting *shooting;
+    int steps;  // of a short fit so far
+    bool ended; // a short fit has come to its end
 } continuation_context;
 
 // Notes a point of the continuation, from which the fit goes on if it is interrupted.
 static pm_status keep_point(void *context, const pm_continuation_point *point) {
-    const continuation_context *c = context;
+    continuation_context *c = context;
     pm_fit_measured *m = &c->fit->measured;
     const pm_shooting *s = c->shooting;
+    const pm_fit_effort *effort = c->fit->arguments->effort;
+    if (effort != NULL) {
+        pm_shooting_weights(s, c->fit->theta);
+        c->ended = ++c->steps > effort->iterations;
+        return c->ended ? pm_fail(PM_EINTERRUPTED, "a short fit has come to its end") : PM_OK;
+    }
     if (point->stage == PM_CONTINUATION_SHORT && m->point[0] == PM_CONTINUATION_STARTS) {
         // Names constants that the data hardly tell apart, once the starts of windows are known.
         // Gaps count as they will at the end, so that whole trajectories tell, and not single
@@ -685,7 +693,8 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             p->loss = residual;
             p->best_done = p->attempt;
         }
-        if (residual < UNLUCKY || last || f->training->plain || f->size == 0 ||
+        if (residual < UNLUCKY || last || f->arguments->effort != NULL || f->training->plain ||
+            f->size == 0 ||
             (p->attempt + 1 == MOST_ATTEMPTS && p->best_done == p->attempt && p->loss > 0)) {
             return isfinite(residual)
                        ? PM_OK
@@ -729,7 +738,7 @@ static pm_status run(pm_fit *f) {
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &how, &tracks));
     pm_trained_scatter(f->training->system, f->theta);
-    continuation_context context = {f, &shooting};
+    continuation_context context = {.fit = f, .shooting = &shooting};
     pm_continuation continuation = {.given = m->noise,
                                     .typical = m->typical,
                                     .loud = true,
@@ -755,7 +764,9 @@ static pm_status run(pm_fit *f) {
     for (bool over = false; !over;) {
         PM_TRY_DONE(try_starts(f, &shooting, &continuation, loss->substeps));
         const int phase = f->position.finer;
-        over = memchr(m->beside, 1, (size_t)f->size + 1) == NULL || phase == WITHOUT_AGAIN;
+        // A short fit is judged by its caller.
+        over = f->arguments->effort != NULL || memchr(m->beside, 1, (size_t)f->size + 1) == NULL ||
+               phase == WITHOUT_AGAIN;
         if (over) {
             break;
         }
@@ -787,8 +798,11 @@ static pm_status run(pm_fit *f) {
         f->theta[i] = out ? f->declared[i] : f->theta[i];
     }
     pm_shooting_set_weights(&shooting, f->theta);
-    status = find_uncertainty(f, &shooting, true);
+    status = f->arguments->effort == NULL ? find_uncertainty(f, &shooting, true) : PM_OK;
 done:
+    if (status == PM_EINTERRUPTED && context.ended) { // a short fit
+        status = PM_OK;
+    }
     pm_shooting_close(&shooting);
     pm_tracks_free(&tracks);
     if (status == PM_EINTERRUPTED) {
@@ -982,4 +996,25 @@ done:
     return status;
 }
 
-const pm_fit_kind pm_fit_of_measurements = {load, NULL, describe, start, NULL, run, report};
+static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
+    const pm_fit_measured *m = &f->measured;
+    const bool validation = f->split.nvalidation > 0;
+    const int all = validation ? f->split.nvalidation : f->split.ntraining;
+    const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
+    const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
+    pm_estimate e;
+    const pm_estimate_how how = {
+        .seconds = seconds, .stop = f->stop, .until = f->training->seconds};
+    PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
+                            all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
+    double sum = 0;
+    for (int c = 0; c < m->observation.count; ++c) {
+        sum += log(pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c).median);
+    }
+    score->rollout = exp(sum / m->observation.count);
+    pm_estimate_free(&e);
+    return PM_OK;
+}
+
+const pm_fit_kind pm_fit_of_measurements = {load, NULL, describe, start,
+                                            NULL, run,  report,   score_measured};

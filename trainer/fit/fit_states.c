@@ -24,6 +24,10 @@
 // training, which runs in batches.
 #define ROLLOUT_COST 4
 
+// An error of one step below which a group is exact in a short fit, and the rollouts of its score.
+#define EXACT_STEP 1e-5
+#define MOST_SCORED 4
+
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
 #define NEGLIGIBLE 0.01
@@ -85,7 +89,7 @@ pm_status pm_fit_measure(const pm_fit *f, bool validation, pm_measure *measure) 
 // far. Writes their score (evaluate/measure.h) to *score, or NAN without a validation part.
 static pm_status validate(pm_fit *f, double *score) {
     *score = NAN;
-    if (f->split.nvalidation == 0) {
+    if (f->split.nvalidation == 0 || f->arguments->effort != NULL) {
         return PM_OK;
     }
     const int first = f->split.ntraining;
@@ -222,7 +226,8 @@ static pm_status optimise(pm_fit *f, pm_objective *objective) {
     }
     printf("   squared residual: median %.3e mean %.3e\n", median, mean);
     fflush(stdout);
-    return f->training->plain || f->position.stage < f->training->nstage - 1
+    return f->training->plain || f->arguments->effort != NULL ||
+                   f->position.stage < f->training->nstage - 1
                ? PM_OK
                : pm_spectrum_report(objective, stdout);
 }
@@ -328,8 +333,9 @@ static pm_status run(pm_fit *f) {
     pm_status status = run_stages(f);
     // The best weights may be so bad on the validation part that other initial weights are worth
     // the time, and so are they where the loss has not been finite from the beginning.
-    while ((status == PM_OK || status == PM_ENUMERIC) && !f->expired && f->training->tries > 1 &&
-           f->position.attempt + 1 < MOST_ATTEMPTS &&
+    const bool whole = f->arguments->effort == NULL;
+    while ((status == PM_OK || status == PM_ENUMERIC) && whole && !f->expired &&
+           f->training->tries > 1 && f->position.attempt + 1 < MOST_ATTEMPTS &&
            (status == PM_ENUMERIC || f->position.best > UNLUCKY)) {
         ++f->position.attempt;
         begin_stage(f, 0);
@@ -588,5 +594,31 @@ done:
     return status;
 }
 
+// The error of one step counts each group alike, also one that is already very good.
+static pm_status score_states(pm_fit *f, pm_fit_score *score) {
+    const bool validation = f->split.nvalidation > 0;
+    const int first = validation ? f->split.ntraining : 0;
+    const int all = validation ? f->split.nvalidation : f->split.ntraining;
+    const pm_evaluate_how how = {.threads = 2, .stop = f->stop};
+    pm_measure m;
+    PM_TRY(pm_measure_make(&m, f->training->system, f->dataset, first,
+                           first + (all < MOST_SCORED ? all : MOST_SCORED), true, &how));
+    double sum = 0;
+    int count = 0;
+    for (int c = 0; c < m.ncell; ++c) {
+        const double error = m.cell[c].one_step;
+        if (m.cell[c].persistence.median > 0) {
+            sum += error < EXACT_STEP ? log(EXACT_STEP) : log(error);
+            ++count;
+        }
+    }
+    const pm_thermo_row *produced = production_of(&m);
+    score->step = count > 0 ? exp(sum / count) : NAN;
+    score->rollout = m.score;
+    score->production = produced == NULL ? NAN : produced->median;
+    pm_measure_free(&m);
+    return PM_OK;
+}
+
 const pm_fit_kind pm_fit_of_states = {load,   shorten, describe, pm_fit_search_start,
-                                      resume, run,     report};
+                                      resume, run,     report,   score_states};

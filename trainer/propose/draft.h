@@ -1,11 +1,48 @@
-// A training file while it is being written: the models of its subsystems and ports.
+// A training file while it is being written: the models of its subsystems and ports, by the
+// hypotheses that were chosen.
 #ifndef PM_TRAINER_PROPOSE_DRAFT_H
 #define PM_TRAINER_PROPOSE_DRAFT_H
 
 #include <stdio.h>
 
 #include "propose/propose.h"
+#include "propose/search.h"
 #include "propose/view.h"
+
+#define PM_NEAR_ROOM 2.0 // ratio to 300 K up to which a temperature need not be given
+
+// What may be asked about a subsystem, a port or the whole scene. Units, ports and statistics give
+// the first answer; PM_AS_FOUND is that answer.
+typedef enum pm_question {
+    PM_ASK_REVERSIBLE,  // what L couples, and what its entries depend on
+    PM_ASK_FRICTION,    // of a subsystem: what it acts on
+    PM_ASK_DIRECTIONS,  // what the directions of friction depend on
+    PM_ASK_STRENGTH,    // what the strengths of dissipative processes depend on
+    PM_ASK_HEAT,        // what the thermal energy depends on
+    PM_ASK_ENERGY,      // how the energy depends on vectors
+    PM_ASK_ANGLE,       // how functions depend on angles
+    PM_ASK_KINETIC,     // how the energy depends on momenta
+    PM_ASK_TEMPERATURE, // of the scene: the temperatures with which training starts
+    PM_ASK_SIZE,        // of the scene: of the networks
+    PM_QUESTIONS
+} pm_question;
+
+typedef enum pm_answer {
+    PM_AS_FOUND,
+    PM_CONSTANT,     // learned constants, among all that may be coupled
+    PM_BY_POSITIONS, // functions of what keeps its sign when time runs backwards
+    PM_BY_STATES,    // functions of all variables but entropies
+    PM_BY_COENERGIES,
+    PM_NONE,
+    PM_ALONE, // the entropy alone
+    PM_BY_COMPONENTS,
+    PM_BY_BOTH, // lengths and components
+    PM_BY_SINES,
+    PM_JOINT,     // one function with the rest
+    PM_OF_MOTION, // on what changes its sign when time runs backwards
+    PM_ROOM,      // 300 K
+    PM_LARGE      // twice as wide
+} pm_answer;
 
 typedef struct pm_draft {
     FILE *file;
@@ -14,6 +51,11 @@ typedef struct pm_draft {
     pm_part_view *part;  // [nsubsystem]
     pm_rotation rotates; // if not PM_ROTATION_NONE, the dynamics do not depend on directions
     double *temperature; // [nz] K: of entropies (propose/temperature.h); 0: not known
+    pm_hypotheses space;
+    int (
+        *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0
+    pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
+    const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;
 
 // These functions write the model of a subsystem and of a port.
@@ -23,5 +65,14 @@ void pm_draft_port(const pm_draft *draft, int port);
 // Returns whether a column tells what the outside shows in a group of a boundary input: 0 its
 // value, 1 its dE, 2 its dS.
 bool pm_draft_follows(const pm_scene_boundary_input *input, const pm_group *group, int which);
+
+// Fills draft->space with the hypotheses about all subsystems and ports that need a model. The
+// other members must be complete.
+void pm_draft_ask(pm_draft *draft);
+// Returns what is chosen about subsystem `component`, or port component - nsubsystem.
+static inline pm_answer pm_draft_answer(const pm_draft *d, pm_question question, int component) {
+    const int id = d->asked[component][question];
+    return id < 0 ? PM_AS_FOUND : d->answer[id][d->chosen == NULL ? 0 : d->chosen[id]];
+}
 
 #endif

@@ -11,13 +11,14 @@
 #define ENERGY_OF_ONE "[8, 8]" // the energy of one input, of two or three, and of more
 #define ENERGY_OF_FEW "[12, 12]"
 #define ENERGY_OF_MANY "[16, 16]"
-#define STRENGTH_WIDTH 6  // of the strengths of dissipative processes
-#define HEAT_WIDTH 6      // of the dependence of heat on other variables
-#define SOFT_WIDTH 8      // of M in the form soft
-#define SPIN_WIDTH 8      // of the energy of rotation
-#define ENTROPY_WIDTH 12  // of a learned entropy
-#define CARRIED_WIDTH 4   // of the entropy that a current carries
-#define HEAT_PORT_WIDTH 4 // of a conductance that varies with the entropies
+#define ENERGY_OF_LARGE "[24, 24]" // any energy, where larger networks are tried
+#define STRENGTH_WIDTH 6           // of the strengths of dissipative processes
+#define HEAT_WIDTH 6               // of the dependence of heat on other variables
+#define SOFT_WIDTH 8               // of M in the form soft
+#define SPIN_WIDTH 8               // of the energy of rotation
+#define ENTROPY_WIDTH 12           // of a learned entropy
+#define CARRIED_WIDTH 4            // of the entropy that a current carries
+#define HEAT_PORT_WIDTH 4          // of a conductance that varies with the entropies
 // Of the rates in the form free: twice what an energy of many variables has, and less where
 // there are many subsystems.
 #define FREE_WIDTH 32
@@ -26,7 +27,6 @@
 
 #define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
 #define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
-#define NEAR_ROOM 2.0      // ratio to 300 K up to which a temperature need not be given
 #define WHOLE 1e-14        // relative: a number that is so close to a whole one is this one
 #define LARGE 1e9          // a whole number up to which all digits are written
 
@@ -42,6 +42,11 @@ static int size_of(const pm_part_view *v, int g) {
 
 static bool is_entropy(const pm_part_view *v, int g) {
     return v->kind[g] == PM_VIEW_ENTROPY;
+}
+
+// Returns true if the group keeps its sign when time runs backwards.
+static bool is_even(const pm_part_view *v, int g) {
+    return v->unit[g].known && !v->odd[g];
 }
 
 // Returns true if friction, relaxation or leakage may act on the group.
@@ -86,14 +91,26 @@ static double coefficient_unit(const pm_unit *a, const pm_unit *b) {
 
 // --- features ---
 
+static pm_answer ask(const pm_draft *d, pm_question question, const pm_part_view *v) {
+    return pm_draft_answer(d, question, v->subsystem);
+}
+
+static void add_sines(list *l, const char *before, const char *name) {
+    fprintf(l->file, "%s\"sin(%s%s)\", \"cos(%s%s)\"", l->count++ > 0 ? ", " : "", before, name,
+            before, name);
+}
+
 // Adds a group as a feature: the length of a vector if nothing depends on directions, the logarithm
 // of a volume as in the entropy of gases, else the group itself.
 static void add_feature(const pm_draft *d, list *l, const pm_part_view *v, const char *before,
                         int g) {
     const pm_unit volume = pm_unit_parse("m^3");
     const pm_look_group *group = &v->group[g];
-    const bool length = d->rotates && size_of(v, g) > 1 && v->mate[g] >= 0;
-    if (length || (group->positive && pm_unit_equal(&v->unit[g], &volume))) {
+    const bool length = d->rotates && size_of(v, g) > 1 && v->mate[g] >= 0 &&
+                        ask(d, PM_ASK_ENERGY, v) == PM_AS_FOUND;
+    if (v->angle[g] && ask(d, PM_ASK_ANGLE, v) == PM_BY_SINES) {
+        add_sines(l, before, name_of(v, g));
+    } else if (length || (group->positive && pm_unit_equal(&v->unit[g], &volume))) {
         const bool zero = group->shortest < NEAR_ZERO * group->deviation;
         add_quoted(l, length && (zero || v->by_length[g]) ? "|" : "ln|", before, name_of(v, g));
     } else {
@@ -107,15 +124,19 @@ static void add_feature(const pm_draft *d, list *l, const pm_part_view *v, const
 static int add_energy_feature(const pm_draft *d, list *l, const pm_part_view *v, int g) {
     const pm_unit metre = pm_unit_parse("m");
     const pm_look_group *group = &v->group[g];
-    const bool both = !d->rotates && v->kind[g] == PM_VIEW_POSITION &&
-                      (size_of(v, g) == 2 || size_of(v, g) == 3) &&
-                      pm_unit_equal(&v->unit[g], &metre) &&
-                      group->shortest > AWAY_FROM_ZERO * group->deviation;
+    const pm_answer answer = ask(d, PM_ASK_ENERGY, v);
+    const bool vector = size_of(v, g) == 2 || size_of(v, g) == 3;
+    const bool both = answer == PM_BY_BOTH
+                          ? vector && is_even(v, g)
+                          : answer == PM_AS_FOUND && !d->rotates && vector &&
+                                v->kind[g] == PM_VIEW_POSITION &&
+                                pm_unit_equal(&v->unit[g], &metre) &&
+                                group->shortest > AWAY_FROM_ZERO * group->deviation;
     if (both) {
         add_quoted(l, "|", "", name_of(v, g));
     }
     add_feature(d, l, v, "", g);
-    return d->rotates && v->mate[g] >= 0 ? 1 : size_of(v, g) + both;
+    return d->rotates && v->mate[g] >= 0 && answer == PM_AS_FOUND ? 1 : size_of(v, g) + both;
 }
 
 // Returns the number of components that change their sign when time runs backwards, among the
@@ -129,17 +150,36 @@ static int count_odd(const pm_part_view *v, const pm_layout *shown) {
     return count;
 }
 
+// Adds the groups of a subsystem but for entropies, of a layout if `shown` is not NULL, to the
+// features of an operator; with PM_BY_POSITIONS those that are even in time.
+static void add_states(list *l, const pm_part_view *v, const char *before, const pm_layout *shown,
+                       pm_answer answer) {
+    for (int g = 0; g < v->count; ++g) {
+        const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
+        if (!seen || v->group[g].constant || is_entropy(v, g) ||
+            (answer == PM_BY_POSITIONS && !is_even(v, g))) {
+            continue;
+        }
+        if (v->angle[g]) {
+            add_sines(l, before, name_of(v, g));
+        } else {
+            add_name(l, before, name_of(v, g));
+        }
+    }
+}
+
 // Begins ", strength: {...}". In the form soft M acts on dS alone, so that friction needs a factor
 // of M that grows with the velocity.
 static list open_strength(const pm_draft *d) {
     return open_list(d->file, d->p->form == PM_SOFT ? ", features: " : ", strength: {features: ");
 }
 
-static void close_strength(const pm_draft *d) {
+static void close_strength(const pm_draft *d, pm_answer answer) {
     if (d->p->form == PM_SOFT) {
         fprintf(d->file, "], hidden: [%d], skip: linear", SOFT_WIDTH);
-    } else {
-        fprintf(d->file, "], hidden: [%d]}", STRENGTH_WIDTH);
+    } else { // powers of co-energies are linear in their logarithms
+        fprintf(d->file, "], hidden: [%d]%s}", STRENGTH_WIDTH,
+                answer == PM_BY_COENERGIES ? ", skip: linear" : "");
     }
 }
 
@@ -148,13 +188,21 @@ static void close_strength(const pm_draft *d) {
 // counts that changes its sign when time runs backwards: the sign of a velocity matters only
 // relative to that of another one. The friction of a turbulent flow grows with it.
 static void add_strength(const pm_draft *d, list *l, const pm_part_view *v, const char *before,
-                         const pm_layout *shown, bool single) {
+                         const pm_layout *shown, bool single, pm_answer answer) {
     for (int g = 0; g < v->count; ++g) {
         const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
         if (!seen || v->group[g].constant) {
             continue;
         }
-        if (single && v->unit[g].known && v->odd[g]) {
+        if (answer == PM_BY_COENERGIES) {
+            // Of what is dissipated the size counts, whatever its sign.
+            if (is_entropy(v, g)) {
+                fprintf(l->file, "%s%sdE.%s", l->count++ > 0 ? ", " : "", before, name_of(v, g));
+            } else if (may_lose(v, g)) {
+                fprintf(l->file, "%s\"ln|%sdE.%s|\"", l->count++ > 0 ? ", " : "", before,
+                        name_of(v, g));
+            }
+        } else if (single && v->unit[g].known && v->odd[g]) {
             add_quoted(l, "|", before, name_of(v, g));
         } else {
             add_feature(d, l, v, before, g);
@@ -209,8 +257,233 @@ static double temperature_of(const pm_draft *d, const pm_part_view *v, int g) {
     return sum;
 }
 
-static void comment_part(const pm_draft *d, const pm_part_view *v) {
+// --- subsystems: energy and entropy ---
+
+// Returns the hidden layers of an energy of so many inputs.
+static const char *hidden_of(const pm_draft *d, int inputs) {
+    const bool large = pm_draft_answer(d, PM_ASK_SIZE, 0) == PM_LARGE;
+    return large         ? ENERGY_OF_LARGE
+           : inputs == 1 ? ENERGY_OF_ONE
+           : inputs <= 3 ? ENERGY_OF_FEW
+                         : ENERGY_OF_MANY;
+}
+
+static void write_energy(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
+    bool done[PM_MAX_GROUPS] = {false};
+    fprintf(f, "    energy:\n");
+    // The energy of rotation may depend on variables without a role, such as the angular momentum
+    // of a rotor in a body, or on the axis of a body seen from outside.
+    bool moved = false;
+    for (int g = 0; g < v->count; ++g) {
+        const bool axis = v->kind[g] == PM_VIEW_DIRECTION && v->sign[g] < 0;
+        moved = moved || ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant);
+    }
+    // Terms that depend on one group alone.
+    for (int g = 0; g < v->count; ++g) {
+        if (v->kind[g] == PM_VIEW_SPIN && !moved) { // rotation alone does not warm a body
+            done[g] = true;
+            fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
+                    SPIN_WIDTH);
+        }
+        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g] ||
+            ask(d, PM_ASK_KINETIC, v) == PM_JOINT) {
+            continue;
+        }
+        const int p = v->mate[g];
+        done[p] = true;
+        if (v->linear[g]) {
+            fprintf(f,
+                    "      - {features: [\"|%s|^2\"], skip: linear}                  "
+                    "# kinetic: velocities are linear in momenta\n",
+                    name_of(v, p));
+        } else {
+            fprintf(f, "      - {features: [%s], hidden: %s, skip: quartic}\n", name_of(v, p),
+                    hidden_of(d, size_of(v, p)));
+        }
+    }
+    // A common term of the rest, and the heat.
+    list l = {.file = f};
+    int inputs = 0;
+    for (int g = 0; g < v->count; ++g) {
+        if (!is_entropy(v, g) && !done[g]) {
+            l = l.count == 0 ? open_list(f, "      - {features: ") : l;
+            inputs += add_energy_feature(d, &l, v, g);
+        }
+    }
+    if (l.count > 0) {
+        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
+    }
+    // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
+    // of motion and of currents, which is even in momenta and fluxes, does not depend on the
+    // temperature. If it could, a large heat content would take the place of a small kinetic
+    // energy.
+    for (int g = 0; g < v->count; ++g) {
+        if (!is_entropy(v, g)) {
+            continue;
+        }
+        l = open_list(f, "      - {features: ");
+        for (int h = 0; h < v->count; ++h) {
+            const bool moves = v->odd[h] && v->unit[h].known;
+            if (!is_entropy(v, h) && !done[h] && !moves && ask(d, PM_ASK_HEAT, v) != PM_ALONE) {
+                (void)add_energy_feature(d, &l, v, h);
+            }
+        }
+        const bool coupled = l.count > 0;
+        add_name(&l, "", name_of(v, g));
+        fprintf(f, "]");
+        if (coupled) {
+            fprintf(f, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
+        }
+        // The temperature with which training starts, where it is far from that of a room.
+        const double kelvin = temperature_of(d, v, g), room = PM_DEFAULT_TEMPERATURE;
+        if (kelvin > 0 && pm_draft_answer(d, PM_ASK_TEMPERATURE, 0) == PM_AS_FOUND &&
+            fmax(kelvin, room) > PM_NEAR_ROOM * fmin(kelvin, room)) {
+            fprintf(f, ", temperature: %.3g", kelvin * v->unit[g].factor);
+        }
+        fprintf(f, coupled ? "}   # heat, and its dependence on the rest: temperatures are "
+                             "positive\n"
+                           : "}   # heat: temperatures are positive by construction\n");
+    }
+}
+
+// --- subsystems: operators ---
+
+static bool is_free(const pm_part_view *v, int g) {
+    return v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant;
+}
+
+// Whether the lossless coupling of this group with others, or among its components, is learned. A
+// momentum may also move variables besides its position, such as the charge of a second capacitor
+// in a loop or the stretch of a spring in series with a dashpot.
+static bool is_coupled(const pm_part_view *v, int g, pm_answer answer) {
+    if (answer != PM_AS_FOUND) {
+        return pm_view_may_couple(v, g);
+    }
+    const pm_unit action = pm_unit_parse("J s");
+    bool coupled = is_free(v, g) || v->gyroscopic[g] || v->gyrates[g];
+    for (int k = 0; k < v->count && v->kind[g] == PM_VIEW_MOMENTUM; ++k) {
+        const pm_unit product = pm_unit_product(&v->unit[k], &v->unit[g]);
+        coupled = coupled || (is_free(v, k) && size_of(v, k) == size_of(v, g) &&
+                              pm_unit_equal(&product, &action));
+    }
+    return coupled;
+}
+
+// Writes L for an angular momentum z, sign z x, and for what turns with it: a direction z,
+// likewise, or a quaternion. In other units than kg m^2/s the cross product has a factor.
+static void write_turning(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
+    const int spin = v->kind[g] == PM_VIEW_SPIN ? g : v->mate[g];
+    const double factor = v->unit[spin].factor * v->sign[g];
+    const char *m = name_of(v, spin), *name = name_of(v, g);
+    const bool quaternion = v->quaternion[g].turns != 0;
+    if (!quaternion && !(factor < 1 || factor > 1)) {
+        fprintf(d->file, "%s[%s, %s, cross]", before, m, name);
+        return;
+    }
+    for (int k = 0; k < 4 * 3 && quaternion; ++k) {
+        int column;
+        const int sign = pm_quaternion_term(v->quaternion[g], k / 3, k % 3, &column);
+        fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]", k == 0 ? before : ", ",
+                name, k / 3, m, k % 3, sign * (0.5 / v->unit[spin].factor), name, column);
+    }
+    for (int c = 0, n = 0; c < 3 && !quaternion; ++c) {
+        for (int k = 1; k <= (g == spin ? 1 : 2); ++k) {
+            fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]",
+                    n++ == 0 ? before : ", ", m, c, name, (c + k) % 3, (k == 1 ? -1 : 1) / factor,
+                    name, (c + 3 - k) % 3);
+        }
+    }
+}
+
+// Writes conjugate pairs, what turns with an angular momentum, and couplings that are to be
+// learned.
+static void write_reversible(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    const pm_answer answer = ask(d, PM_ASK_REVERSIBLE, v);
+    int given = 0, others = 0;
+    bool odd = false;
+    for (int g = 0; g < v->count; ++g) {
+        const char *before = given > 0 ? ", " : "    reversible:\n      given: [";
+        if (v->kind[g] == PM_VIEW_POSITION) {
+            fprintf(f, "%s[%s, %s, ", before, name_of(v, g), name_of(v, v->mate[g]));
+            write_number(f, v->sign[g] * coefficient_unit(&v->unit[g], &v->unit[v->mate[g]]));
+            fputc(']', f);
+            ++given;
+        } else if (v->kind[g] == PM_VIEW_SPIN || v->kind[g] == PM_VIEW_DIRECTION) {
+            write_turning(d, before, v, g);
+            ++given;
+        }
+        const bool coupled = is_coupled(v, g, answer);
+        others += coupled ? size_of(v, g) : 0;
+        odd = odd || (coupled && v->odd[g]);
+    }
+    fprintf(f, given > 0 ? "]\n" : "");
+    if (others < 2 || !odd) { // such as the amounts of two species
+        return;
+    }
+    list l = open_list(f, given > 0 ? "      learned: {acts_on: "
+                                    : "    reversible:\n      learned: {acts_on: ");
+    for (int g = 0; g < v->count; ++g) {
+        if (is_coupled(v, g, answer)) {
+            add_name(&l, "", name_of(v, g));
+        }
+    }
+    if (answer == PM_BY_POSITIONS || answer == PM_BY_STATES) {
+        l = open_list(f, "], features: ");
+        add_states(&l, v, "", NULL, answer);
+        fprintf(f, "], skip: linear}\n");
+    } else {
+        fprintf(f, "]}\n");
+    }
+}
+
+static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool heat) {
+    pm_look_group lossy[PM_MAX_GROUPS];
+    bool loses[PM_MAX_GROUPS];
+    int n = 0, heats = 0;
+    for (int g = 0; g < v->count; ++g) {
+        loses[g] = may_lose(v, g) && (ask(d, PM_ASK_FRICTION, v) == PM_AS_FOUND || !is_even(v, g));
+        if (loses[g]) {
+            lossy[n++] = v->group[g];
+        }
+        heats += is_entropy(v, g) && !v->group[g].constant ? size_of(v, g) : 0;
+    }
+    const int rank = pm_look_rank(&d->look, n, lossy) + (heats > 1 ? heats - 1 : 0);
+    if ((heats == 0 && !heat) || rank == 0) {
+        return;
+    }
+    list l = open_list(d->file, "    irreversible: {learned: {acts_on: ");
+    for (int pass = 0; pass < 2; ++pass) { // what is dissipated, then the entropies
+        for (int g = 0; g < v->count; ++g) {
+            if (pass == 0 ? loses[g] : is_entropy(v, g) && !v->group[g].constant) {
+                add_name(&l, "", name_of(v, g));
+            }
+        }
+    }
+    fprintf(d->file, "], rank: %d", rank);
+    if (ask(d, PM_ASK_DIRECTIONS, v) == PM_BY_POSITIONS) {
+        l = open_list(d->file, ", features: ");
+        add_states(&l, v, "", NULL, PM_BY_POSITIONS);
+        fprintf(d->file, "], skip: linear");
+    }
+    if (d->p->form == PM_SOFT || heats > 0) {
+        l = open_strength(d);
+        add_strength(d, &l, v, "", NULL, d->p->form == PM_HARD && count_odd(v, NULL) == 1,
+                     ask(d, PM_ASK_STRENGTH, v));
+        close_strength(d, ask(d, PM_ASK_STRENGTH, v));
+    }
+    fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");
+}
+
+void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
+    const pm_scene_subsystem *subsystem = &d->p->scene->physics.subsystem[v->subsystem];
+    FILE *f = d->file;
+    bool heat = false; // some variable takes up heat
+    for (int g = 0; g < v->count; ++g) {
+        heat = heat || v->kind[g] == PM_VIEW_HEAT;
+    }
+    fprintf(f, "  %s:\n", subsystem->name);
     for (int g = 0; g < v->count; ++g) {
         const pm_group *group = v->group[g].group;
         fprintf(f, "    # %s, %s: deviation %.3g, rate %.3g per s", group->name,
@@ -256,211 +529,6 @@ static void comment_part(const pm_draft *d, const pm_part_view *v) {
                     ? "; CONSTANT in these data, so that nothing can be learned about it"
                     : "");
     }
-}
-
-// --- subsystems: energy and entropy ---
-
-// Returns the hidden layers of an energy of so many inputs.
-static const char *hidden_of(int inputs) {
-    return inputs == 1 ? ENERGY_OF_ONE : inputs <= 3 ? ENERGY_OF_FEW : ENERGY_OF_MANY;
-}
-
-static void write_energy(const pm_draft *d, const pm_part_view *v) {
-    FILE *f = d->file;
-    bool done[PM_MAX_GROUPS] = {false};
-    fprintf(f, "    energy:\n");
-    // The energy of rotation may depend on variables without a role, such as the angular momentum
-    // of a rotor in a body, or on the axis of a body seen from outside.
-    bool moved = false;
-    for (int g = 0; g < v->count; ++g) {
-        const bool axis = v->kind[g] == PM_VIEW_DIRECTION && v->sign[g] < 0;
-        moved = moved || ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant);
-    }
-    // Terms that depend on one group alone.
-    for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_SPIN && !moved) { // rotation alone does not warm a body
-            done[g] = true;
-            fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
-                    SPIN_WIDTH);
-        }
-        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g]) {
-            continue;
-        }
-        const int p = v->mate[g];
-        done[p] = true;
-        if (v->linear[g]) {
-            fprintf(f,
-                    "      - {features: [\"|%s|^2\"], skip: linear}                  "
-                    "# kinetic: velocities are linear in momenta\n",
-                    name_of(v, p));
-        } else {
-            fprintf(f, "      - {features: [%s], hidden: %s, skip: quartic}\n", name_of(v, p),
-                    hidden_of(size_of(v, p)));
-        }
-    }
-    // A common term of the rest, and the heat.
-    list l = {.file = f};
-    int inputs = 0;
-    for (int g = 0; g < v->count; ++g) {
-        if (!is_entropy(v, g) && !done[g]) {
-            l = l.count == 0 ? open_list(f, "      - {features: ") : l;
-            inputs += add_energy_feature(d, &l, v, g);
-        }
-    }
-    if (l.count > 0) {
-        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(inputs));
-    }
-    // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
-    // of motion and of currents, which is even in momenta and fluxes, does not depend on the
-    // temperature. If it could, a large heat content would take the place of a small kinetic
-    // energy.
-    for (int g = 0; g < v->count; ++g) {
-        if (!is_entropy(v, g)) {
-            continue;
-        }
-        l = open_list(f, "      - {features: ");
-        for (int h = 0; h < v->count; ++h) {
-            const bool moves = v->odd[h] && v->unit[h].known;
-            if (!is_entropy(v, h) && !done[h] && !moves) {
-                (void)add_energy_feature(d, &l, v, h);
-            }
-        }
-        const bool coupled = l.count > 0;
-        add_name(&l, "", name_of(v, g));
-        fprintf(f, "]");
-        if (coupled) {
-            fprintf(f, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
-        }
-        // The temperature with which training starts, where it is far from that of a room.
-        const double kelvin = temperature_of(d, v, g), room = PM_DEFAULT_TEMPERATURE;
-        if (kelvin > 0 && fmax(kelvin, room) > NEAR_ROOM * fmin(kelvin, room)) {
-            fprintf(f, ", temperature: %.3g", kelvin * v->unit[g].factor);
-        }
-        fprintf(f, coupled ? "}   # heat, and its dependence on the rest: temperatures are "
-                             "positive\n"
-                           : "}   # heat: temperatures are positive by construction\n");
-    }
-}
-
-// --- subsystems: operators ---
-
-static bool is_free(const pm_part_view *v, int g) {
-    return v->kind[g] == PM_VIEW_OTHER && !v->group[g].constant;
-}
-
-// Whether the lossless coupling of this group with others, or among its components, is learned. A
-// momentum may also move variables besides its position, such as the charge of a second capacitor
-// in a loop or the stretch of a spring in series with a dashpot.
-static bool is_coupled(const pm_part_view *v, int g) {
-    const pm_unit action = pm_unit_parse("J s");
-    bool coupled = is_free(v, g) || v->gyroscopic[g] || v->gyrates[g];
-    for (int k = 0; k < v->count && v->kind[g] == PM_VIEW_MOMENTUM; ++k) {
-        const pm_unit product = pm_unit_product(&v->unit[k], &v->unit[g]);
-        coupled = coupled || (is_free(v, k) && size_of(v, k) == size_of(v, g) &&
-                              pm_unit_equal(&product, &action));
-    }
-    return coupled;
-}
-
-// Writes L for an angular momentum z, sign z x, and for what turns with it: a direction z,
-// likewise, or a quaternion. In other units than kg m^2/s the cross product has a factor.
-static void write_turning(const pm_draft *d, const char *before, const pm_part_view *v, int g) {
-    const int spin = v->kind[g] == PM_VIEW_SPIN ? g : v->mate[g];
-    const double factor = v->unit[spin].factor * v->sign[g];
-    const char *m = name_of(v, spin), *name = name_of(v, g);
-    const bool quaternion = v->quaternion[g].turns != 0;
-    if (!quaternion && !(factor < 1 || factor > 1)) {
-        fprintf(d->file, "%s[%s, %s, cross]", before, m, name);
-        return;
-    }
-    for (int k = 0; k < 4 * 3 && quaternion; ++k) {
-        int column;
-        const int sign = pm_quaternion_term(v->quaternion[g], k / 3, k % 3, &column);
-        fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]", k == 0 ? before : ", ",
-                name, k / 3, m, k % 3, sign * (0.5 / v->unit[spin].factor), name, column);
-    }
-    for (int c = 0, n = 0; c < 3 && !quaternion; ++c) {
-        for (int k = 1; k <= (g == spin ? 1 : 2); ++k) {
-            fprintf(d->file, "%s[\"%s[%d]\", \"%s[%d]\", \"%.17g*%s[%d]\"]",
-                    n++ == 0 ? before : ", ", m, c, name, (c + k) % 3, (k == 1 ? -1 : 1) / factor,
-                    name, (c + 3 - k) % 3);
-        }
-    }
-}
-
-// Writes conjugate pairs, what turns with an angular momentum, and couplings that are to be
-// learned.
-static void write_reversible(const pm_draft *d, const pm_part_view *v) {
-    FILE *f = d->file;
-    int given = 0, others = 0;
-    bool odd = false;
-    for (int g = 0; g < v->count; ++g) {
-        const char *before = given > 0 ? ", " : "    reversible:\n      given: [";
-        if (v->kind[g] == PM_VIEW_POSITION) {
-            fprintf(f, "%s[%s, %s, ", before, name_of(v, g), name_of(v, v->mate[g]));
-            write_number(f, v->sign[g] * coefficient_unit(&v->unit[g], &v->unit[v->mate[g]]));
-            fputc(']', f);
-            ++given;
-        } else if (v->kind[g] == PM_VIEW_SPIN || v->kind[g] == PM_VIEW_DIRECTION) {
-            write_turning(d, before, v, g);
-            ++given;
-        }
-        others += is_coupled(v, g) ? size_of(v, g) : 0;
-        odd = odd || (is_coupled(v, g) && v->odd[g]);
-    }
-    fprintf(f, given > 0 ? "]\n" : "");
-    if (others < 2 || !odd) { // such as the amounts of two species
-        return;
-    }
-    list l = open_list(f, given > 0 ? "      learned: {acts_on: "
-                                    : "    reversible:\n      learned: {acts_on: ");
-    for (int g = 0; g < v->count; ++g) {
-        if (is_coupled(v, g)) {
-            add_name(&l, "", name_of(v, g));
-        }
-    }
-    fprintf(f, "]}\n");
-}
-
-static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool heat) {
-    pm_look_group lossy[PM_MAX_GROUPS];
-    int n = 0, heats = 0;
-    for (int g = 0; g < v->count; ++g) {
-        if (may_lose(v, g)) {
-            lossy[n++] = v->group[g];
-        }
-        heats += is_entropy(v, g) && !v->group[g].constant ? size_of(v, g) : 0;
-    }
-    const int rank = pm_look_rank(&d->look, n, lossy) + (heats > 1 ? heats - 1 : 0);
-    if ((heats == 0 && !heat) || rank == 0) {
-        return;
-    }
-    list l = open_list(d->file, "    irreversible: {learned: {acts_on: ");
-    for (int pass = 0; pass < 2; ++pass) { // what is dissipated, then the entropies
-        for (int g = 0; g < v->count; ++g) {
-            if (pass == 0 ? may_lose(v, g) : is_entropy(v, g) && !v->group[g].constant) {
-                add_name(&l, "", name_of(v, g));
-            }
-        }
-    }
-    fprintf(d->file, "], rank: %d", rank);
-    if (d->p->form == PM_SOFT || heats > 0) {
-        l = open_strength(d);
-        add_strength(d, &l, v, "", NULL, d->p->form == PM_HARD && count_odd(v, NULL) == 1);
-        close_strength(d);
-    }
-    fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");
-}
-
-void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
-    const pm_scene_subsystem *subsystem = &d->p->scene->physics.subsystem[v->subsystem];
-    FILE *f = d->file;
-    bool heat = false; // some variable takes up heat
-    for (int g = 0; g < v->count; ++g) {
-        heat = heat || v->kind[g] == PM_VIEW_HEAT;
-    }
-    fprintf(f, "  %s:\n", subsystem->name);
-    comment_part(d, v);
     if (d->p->form == PM_FREE) {
         write_free(d, (const pm_layout *const[2]){&subsystem->layout, NULL}, NULL, 0);
         return;
@@ -518,6 +586,19 @@ typedef struct port_draft {
     bool entropies[2][PM_MAX_GROUPS];
 } port_draft;
 
+static pm_answer ask_port(const port_draft *p, pm_question question) {
+    const pm_physics *physics = &p->d->p->scene->physics;
+    return pm_draft_answer(p->d, question, physics->nsubsystem + (int)(p->scene - physics->port));
+}
+
+static void add_states_of_both(const port_draft *p, list *l, pm_answer answer) {
+    for (int end = 0; end < 2; ++end) {
+        if (p->part[end] != NULL) {
+            add_states(l, p->part[end], ends[end], p->shown[end], answer);
+        }
+    }
+}
+
 // Returns true if a variable of one end may move this group of the other end without loss: their
 // units differ, and one of them changes its sign when time runs backwards. A voltage at the end of
 // a resistor moves a charge by dissipation alone.
@@ -531,46 +612,6 @@ static bool may_move(const pm_layout *other, const pm_group *group) {
                       (pm_view_is_odd(&unit) || pm_view_is_odd(&of_other)));
     }
     return moves;
-}
-
-// Writes the pairs whose coefficients the data show, the guessed ones as constants that are to be
-// learned. Friction accounts for the rest.
-static void write_given(const port_draft *p, const pm_port_view *view) {
-    int nlever = 0;
-    for (int i = 0; i < view->count; ++i) {
-        if (view->pair[i].guessed) {
-            fprintf(p->f, nlever++ == 0 ? "    constants: {" : ", ");
-            fprintf(p->f, "lever%d: {learned: ", nlever);
-            write_number(p->f, view->pair[i].coefficient);
-            fputc('}', p->f);
-        }
-    }
-    fprintf(p->f, nlever > 0 ? "}   # of size 1, unless there is a gear or a lever\n" : "");
-    fprintf(p->f,
-            "    reversible:\n"
-            "      # The data show that a momentum of one end moves a position of the other end.\n"
-            "      given: [");
-    for (int i = 0, n = 0, levers = 0; i < view->count; ++i) {
-        const pm_pair_view *pair = &view->pair[i];
-        if (pair->coefficient == 0) {
-            continue;
-        }
-        const int group[2] = {pair->a, pair->b}, first = pair->momentum_first ? 0 : 1;
-        const double units =
-            coefficient_unit(&p->part[0]->unit[pair->a], &p->part[1]->unit[pair->b]);
-        const bool plain = pair->guessed && !(units < 1 || units > 1);
-        fprintf(p->f, "%s[%s%s, %s%s, %s", n++ > 0 ? ", " : "", ends[first],
-                name_of(p->part[first], group[first]), ends[1 - first],
-                name_of(p->part[1 - first], group[1 - first]), pair->guessed && !plain ? "\"" : "");
-        if (!plain) {
-            write_number(p->f, pair->guessed ? units : pair->coefficient * units);
-        }
-        if (pair->guessed) {
-            fprintf(p->f, plain ? "lever%d" : "*lever%d\"", ++levers);
-        }
-        fputc(']', p->f);
-    }
-    fprintf(p->f, "]\n");
 }
 
 // Writes a learned coupling. Currents couple with the entropies of both ends: without loss only
@@ -612,6 +653,31 @@ static void write_learned(const port_draft *p, const pm_port_view *view, bool gi
 }
 
 static void write_port_reversible(const port_draft *p, int port) {
+    const pm_answer answer = ask_port(p, PM_ASK_REVERSIBLE);
+    if (answer == PM_NONE) {
+        return;
+    }
+    if (answer != PM_AS_FOUND) { // a learned coupling of all that both ends expose but entropies
+        fprintf(p->f, "    reversible:\n");
+        for (int end = 0; end < 2; ++end) {
+            list l = open_list(p->f, end == 0 ? "      learned: {acts_on: " : "], against: ");
+            for (int g = 0; g < p->part[end]->count; ++g) {
+                const char *name = name_of(p->part[end], g);
+                if (pm_layout_find(p->shown[end], name) != NULL && !is_entropy(p->part[end], g) &&
+                    !p->part[end]->group[g].constant) {
+                    add_name(&l, ends[end], name);
+                }
+            }
+        }
+        if (answer != PM_CONSTANT) {
+            list l = open_list(p->f, "], features: ");
+            add_states_of_both(p, &l, answer);
+            fprintf(p->f, "], skip: linear}\n");
+        } else {
+            fprintf(p->f, "]}\n");
+        }
+        return;
+    }
     if (p->part[0] == NULL || p->part[1] == NULL) {
         // The values of a boundary input are not among the states that propose/look.h examines.
         bool any = false;
@@ -658,7 +724,45 @@ static void write_port_reversible(const port_draft *p, int port) {
         return;
     }
     if (given) {
-        write_given(p, &view);
+        // The pairs whose coefficients the data show, the guessed ones as constants that are to be
+        // learned. Friction accounts for the rest.
+        int nlever = 0;
+        for (int i = 0; i < view.count; ++i) {
+            if (view.pair[i].guessed) {
+                fprintf(p->f, nlever++ == 0 ? "    constants: {" : ", ");
+                fprintf(p->f, "lever%d: {learned: ", nlever);
+                write_number(p->f, view.pair[i].coefficient);
+                fputc('}', p->f);
+            }
+        }
+        fprintf(p->f, nlever > 0 ? "}   # of size 1, unless there is a gear or a lever\n" : "");
+        fprintf(
+            p->f,
+            "    reversible:\n"
+            "      # The data show that a momentum of one end moves a position of the other end.\n"
+            "      given: [");
+        for (int i = 0, n = 0, levers = 0; i < view.count; ++i) {
+            const pm_pair_view *pair = &view.pair[i];
+            if (pair->coefficient == 0) {
+                continue;
+            }
+            const int group[2] = {pair->a, pair->b}, first = pair->momentum_first ? 0 : 1;
+            const double units =
+                coefficient_unit(&p->part[0]->unit[pair->a], &p->part[1]->unit[pair->b]);
+            const bool plain = pair->guessed && !(units < 1 || units > 1);
+            fprintf(p->f, "%s[%s%s, %s%s, %s", n++ > 0 ? ", " : "", ends[first],
+                    name_of(p->part[first], group[first]), ends[1 - first],
+                    name_of(p->part[1 - first], group[1 - first]),
+                    pair->guessed && !plain ? "\"" : "");
+            if (!plain) {
+                write_number(p->f, pair->guessed ? units : pair->coefficient * units);
+            }
+            if (pair->guessed) {
+                fprintf(p->f, plain ? "lever%d" : "*lever%d\"", ++levers);
+            }
+            fputc(']', p->f);
+        }
+        fprintf(p->f, "]\n");
     } else {
         fprintf(p->f, "    reversible:\n");
     }
@@ -702,19 +806,38 @@ static void write_port_irreversible(const port_draft *p) {
     add_marked(p, &l, p->losses);
     add_marked(p, &l, p->heats);
     fprintf(p->f, "], rank: %d", rank);
-    if (lossy == 0 && d->p->form == PM_HARD) {
+    if (ask_port(p, PM_ASK_DIRECTIONS) == PM_BY_POSITIONS) {
+        l = open_list(p->f, ", features: ");
+        add_states_of_both(p, &l, PM_BY_POSITIONS);
+        fprintf(p->f, "], skip: linear");
+    }
+    if (lossy == 0 && d->p->form == PM_HARD && ask_port(p, PM_ASK_STRENGTH) == PM_AS_FOUND) {
         l = open_list(p->f, ", features: ");
         add_marked(p, &l, p->entropies);
         fprintf(p->f, "], hidden: [%d]", HEAT_PORT_WIDTH);
     } else { // functions of what both ends expose; a boundary input is no feature
         l = open_strength(d);
+        // What drives an exchange is the difference of two co-energies.
+        const bool driven = ask_port(p, PM_ASK_STRENGTH) == PM_BY_COENERGIES;
+        for (int g = 0;
+             driven && p->part[0] != NULL && p->part[1] != NULL && g < p->shown[0]->ngroup; ++g) {
+            const pm_group *a = &p->shown[0]->group[g];
+            for (int h = 0; p->losses[0][g] && h < p->shown[1]->ngroup; ++h) {
+                const pm_group *b = &p->shown[1]->group[h];
+                const pm_unit of_a = pm_unit_parse(a->unit), of_b = pm_unit_parse(b->unit);
+                if (p->losses[1][h] && a->size == b->size && pm_unit_equal(&of_a, &of_b)) {
+                    fprintf(p->f, "%s\"ln|a.dE.%s-b.dE.%s|\"", l.count++ > 0 ? ", " : "", a->name,
+                            b->name);
+                }
+            }
+        }
         for (int end = 0; end < 2; ++end) {
             if (p->part[end] != NULL) {
                 add_strength(d, &l, p->part[end], ends[end], p->shown[end],
-                             d->p->form == PM_HARD && odd == 1);
+                             d->p->form == PM_HARD && odd == 1, ask_port(p, PM_ASK_STRENGTH));
             }
         }
-        close_strength(d);
+        close_strength(d, ask_port(p, PM_ASK_STRENGTH));
     }
     fprintf(p->f, "}}   # %s%s\n", lossy > 0 ? "friction between the ends" : "",
             heats < 2   ? ""

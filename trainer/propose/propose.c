@@ -61,10 +61,16 @@ static int iterations_of(const pm_draft *d, int fewest, int batch, int substeps,
     return (int)(fewest * fmin(fmax(little / work, 1), MOST_TIMES));
 }
 
-// Writes the whole file: what the data show, the models, who has them, and the stages.
-static void write_all(const pm_draft *d) {
+// Writes the training file of a vector of hypotheses: what the data show, the models, who has them,
+// and the stages. `context` is the draft.
+static pm_status write_vector(void *context, const int *chosen, const char *comment,
+                              const char *path) {
+    pm_draft *d = context;
+    FILE *f = NULL;
+    PM_TRY(pm_files_create(&f, path));
+    d->chosen = chosen;
+    d->file = f;
     const pm_physics *physics = &d->p->scene->physics;
-    FILE *f = d->file;
     const pm_dataset *data = d->p->dataset;
     static const char *const forms[] = {"hard: both laws hold by construction",
                                         "soft: the degeneracies are a penalty",
@@ -95,9 +101,17 @@ static void write_all(const pm_draft *d) {
                     ? "The sum of q x p is conserved"
                     : "Friction and boundary inputs alone change the sum of q x p");
     }
+    fputs(comment, f);
     fprintf(f, "scene: %s\n", d->p->scene_path);
-    fprintf(f, "data: {file: %s}   # every fifth trajectory is kept back for validation\n",
-            d->p->data_path);
+    fprintf(f, "data: {file: %s", d->p->data_path);
+    if (d->p->trajectories != NULL) {
+        fprintf(f, ", trajectories: \"%s\"", d->p->trajectories);
+    }
+    if (d->p->validation != NULL) {
+        fprintf(f, ", validation: \"%s\"}\n", d->p->validation);
+    } else {
+        fprintf(f, "}   # every fifth trajectory is kept back for validation\n");
+    }
     fprintf(f, "seed: 1\n\nmodels:\n");
     for (int i = 0; i < physics->nsubsystem; ++i) {
         if (physics->subsystem[i].model == NULL) {
@@ -145,23 +159,28 @@ static void write_all(const pm_draft *d) {
             "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: %d}\n",
             iterations_of(d, STEP_ITERATIONS, STEP_BATCH, substeps, STEP_WORK), STEP_BATCH,
             substeps, ROBUST);
+    return close_file(d->file, path);
 }
 
 pm_status pm_propose(const pm_proposal *p, const char *path) {
-    const pm_scene *scene = p->scene;
+    const pm_physics *physics = &p->scene->physics;
     pm_draft d = {.p = p};
-    PM_TRY(pm_look_make(&d.look, scene, p->dataset));
+    PM_TRY(pm_look_make(&d.look, p->scene, p->dataset));
     pm_arena *arena = &d.look.arena;
-    d.part = pm_arena_array(arena, (size_t)scene->physics.nsubsystem, sizeof *d.part);
-    d.temperature = pm_arena_array(arena, (size_t)scene->physics.nz, sizeof *d.temperature);
-    pm_status status;
-    PM_TRY_DONE(pm_arena_status(arena, "a proposal"));
-    PM_TRY_DONE(pm_files_create(&d.file, path));
-    d.rotates = pm_view_parts(&d.look, d.part);
-    pm_look_temperatures(&d.look, d.part, d.temperature);
-    write_all(&d);
-    status = close_file(d.file, path);
-done:
+    d.part = pm_arena_array(arena, (size_t)physics->nsubsystem, sizeof *d.part);
+    d.temperature = pm_arena_array(arena, (size_t)physics->nz, sizeof *d.temperature);
+    d.asked =
+        pm_arena_array(arena, (size_t)(physics->nsubsystem + physics->nport), sizeof *d.asked);
+    pm_status status = pm_arena_status(arena, "a proposal");
+    if (status == PM_OK) {
+        d.rotates = pm_view_parts(&d.look, d.part);
+        pm_look_temperatures(&d.look, d.part, d.temperature);
+        pm_draft_ask(&d);
+        d.space.write = write_vector;
+        d.space.context = &d;
+        const pm_search_how how = {p->budget, p->loud, p->stop};
+        status = pm_search_run(&d.space, &how, path);
+    }
     pm_look_free(&d.look);
     return status;
 }
@@ -308,14 +327,14 @@ pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
 }
 // --- files ---
 
-static pm_status write_proposal(const char *scene_path, const char *data, pm_form form,
+static pm_status write_proposal(const char *scene_path, const char *data, const pm_proposal *how,
                                 const char *output) {
     pm_scene *scene = NULL;
     pm_dataset *dataset = NULL;
     char *scene_name = NULL, *data_name = NULL;
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, scene_path));
-    for (int i = 0; i < scene->physics.nsubsystem && form != PM_FREE; ++i) {
+    for (int i = 0; i < scene->physics.nsubsystem && how->form != PM_FREE; ++i) {
         const pm_scene_subsystem *s = &scene->physics.subsystem[i];
         for (int g = 0; g < s->layout.ngroup; ++g) {
             if (s->layout.group[g].coenergy) {
@@ -336,11 +355,11 @@ static pm_status write_proposal(const char *scene_path, const char *data, pm_for
         status = pm_fail(PM_ENOMEM, "out of memory for a path");
         goto done;
     }
-    const pm_proposal proposal = {.scene = scene,
-                                  .dataset = dataset,
-                                  .scene_path = scene_name,
-                                  .data_path = data_name,
-                                  .form = form};
+    pm_proposal proposal = *how;
+    proposal.scene = scene;
+    proposal.dataset = dataset;
+    proposal.scene_path = scene_name;
+    proposal.data_path = data_name;
     PM_TRY_DONE(pm_propose(&proposal, output));
     // A group whose unit is not known gets no role.
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
@@ -364,9 +383,10 @@ done:
     return status;
 }
 
-pm_status pm_propose_files(const char *scene, const char *data, pm_form form, const char *output) {
-    if (form != PM_FREE) {
-        return write_proposal(scene, data, form, output);
+pm_status pm_propose_files(const char *scene, const char *data, const pm_proposal *how,
+                           const char *output) {
+    if (how->form != PM_FREE) {
+        return write_proposal(scene, data, how, output);
     }
     char exchange[PATH_MAX];
     const int length =
@@ -383,7 +403,7 @@ pm_status pm_propose_files(const char *scene, const char *data, pm_form form, co
     pm_scene_free(own);
     PM_TRY(status);
     printf("wrote %s\n", exchange);
-    return write_proposal(exchange, data, form, output);
+    return write_proposal(exchange, data, how, output);
 }
 
 bool pm_propose_is_scene(const char *path) {

@@ -32,24 +32,6 @@ typedef struct energy_balance {
     pm_least_squares equations;
 } energy_balance;
 
-// Returns the power of motion in state k, in W.
-static double power_of(const energy_balance *b, int k) {
-    const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->physics.nz;
-    double power = 0;
-    for (int i = 0; i < b->look->scene->physics.nsubsystem; ++i) {
-        const pm_part_view *v = &b->parts[i];
-        for (int g = 0; g < v->count; ++g) {
-            const int m = v->mate[g];
-            const int size = v->kind[g] == PM_VIEW_POSITION ? v->group[g].group->size : 0;
-            for (int c = 0; c < size; ++c) {
-                power += v->sign[g] * v->unit[g].factor * v->unit[m].factor *
-                         rate[v->group[g].first + c] * rate[v->group[m].first + c];
-            }
-        }
-    }
-    return power;
-}
-
 // Returns the product of the variables of a term but for number `without` in state k.
 static double product_of(const energy_balance *b, const term *t, int without, int k) {
     const double *z = b->look->z + (ptrdiff_t)k * b->look->scene->physics.nz;
@@ -202,7 +184,20 @@ static double fit(energy_balance *b, int half) {
             if ((int)((long)k * BLOCKS / count % 2) != (pass == 0 ? half : 1 - half)) {
                 continue;
             }
-            const double power = power_of(b, k);
+            // The power of motion, in W.
+            const double *rate = b->look->rate + (ptrdiff_t)k * b->look->scene->physics.nz;
+            double power = 0;
+            for (int i = 0; i < b->look->scene->physics.nsubsystem; ++i) {
+                const pm_part_view *v = &b->parts[i];
+                for (int g = 0; g < v->count; ++g) {
+                    const int m = v->mate[g];
+                    const int size = v->kind[g] == PM_VIEW_POSITION ? v->group[g].group->size : 0;
+                    for (int c = 0; c < size; ++c) {
+                        power += v->sign[g] * v->unit[g].factor * v->unit[m].factor *
+                                 rate[v->group[g].first + c] * rate[v->group[m].first + c];
+                    }
+                }
+            }
             double x[MOST_TERMS], sum = power;
             for (int a = 0; a < n; ++a) {
                 x[a] = rate_of(b, &b->term[a], k) / b->size[a];

@@ -44,6 +44,10 @@ static bool is_nonentropy(const pm_part_view *v, int g) {
     return v->kind[g] != PM_VIEW_ENTROPY && v->kind[g] != PM_VIEW_HEAT;
 }
 
+bool pm_view_may_couple(const pm_part_view *v, int g) {
+    return (v->kind[g] == PM_VIEW_OTHER || v->kind[g] == PM_VIEW_MOMENTUM) && !v->group[g].constant;
+}
+
 static bool is_length(const pm_unit *unit) {
     bool only = unit->known;
     for (int k = 0; k < PM_UNIT_BASES; ++k) {
@@ -642,6 +646,7 @@ pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
             v->group[g] = look_at(look, i, g);
             v->unit[g] = pm_unit_parse(layout->group[g].unit);
             v->odd[g] = pm_view_is_odd(&v->unit[g]);
+            v->angle[g] = strcmp(layout->group[g].unit, "rad") == 0;
             v->mate[g] = -1;
             if (layout->group[g].role == PM_ROLE_ENTROPY) {
                 v->kind[g] = PM_VIEW_ENTROPY;

@@ -60,10 +60,16 @@ typedef struct pm_part_view {
     // an odd power of s and A together. Without loss such a variable moves those that keep their
     // sign.
     bool odd[PM_MAX_GROUPS];
+    bool angle[PM_MAX_GROUPS]; // the unit is rad
     // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
     // not act on the group.
     bool geometric[PM_MAX_GROUPS];
 } pm_part_view;
+
+// Returns true if the lossless coupling of this group of a subsystem with others may be more than
+// its conjugate pair: it is no entropy, no position of a pair, no angular momentum of three
+// components and nothing that turns with one, and changes in the data.
+bool pm_view_may_couple(const pm_part_view *view, int group);
 
 // How the angular momentum behaves, the sum of q x p over conjugate pairs of vectors.
 typedef enum pm_rotation {

@@ -1,0 +1,168 @@
+// The search over hypotheses: the data decide, a hypothesis that cannot be fitted does no harm, and
+// the same input gives the same file.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "base/linalg.h"
+#include "propose/search.h"
+#include "store/dataset.h"
+
+#define NTRAJECTORY 6
+#define NTIME 60
+#define DT 0.05
+#define STIFF 1.5 // the force of the spring is -q - STIFF q^3
+#define TEXT 8192
+
+static char folder[] = "/tmp/test_searchXXXXXX";
+
+static void path_of(const char *name, char path[64]) {
+    snprintf(path, 64, "%s/%s", folder, name);
+}
+
+// A mass on a cubic spring, by many small steps of the leapfrog method.
+static void write_data(const char *path) {
+    static const char *const column[] = {"q", "p"};
+    pm_dataset *d = NULL;
+    assert_int_equal(pm_dataset_new(&d, NTRAJECTORY, NTIME, 2, DT, column), PM_OK);
+    for (int i = 0; i < NTRAJECTORY; ++i) {
+        double q = 0.4 + 0.2 * i, p = 0.3 * i - 0.5;
+        for (int j = 0; j < NTIME; ++j) {
+            double *z = pm_dataset_state(d, i, j);
+            z[0] = q;
+            z[1] = p;
+            for (int k = 0; k < 200; ++k) {
+                const double h = DT / 200;
+                p -= h / 2 * (q + STIFF * q * q * q);
+                q += h * p;
+                p -= h / 2 * (q + STIFF * q * q * q);
+            }
+        }
+    }
+    assert_int_equal(pm_dataset_save(d, path), PM_OK);
+    pm_dataset_free(d);
+}
+
+static void write_text(const char *path, const char *text) {
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    assert_int_equal(fclose(file), 0);
+}
+
+// The hypotheses: the spring is linear, has a formula that cannot be read, or is cubic; and a
+// number that changes nothing.
+static pm_status write_training(void *context, const int *chosen, const char *comment,
+                                const char *path) {
+    static const char *const spring[] = {"k/2*q^2", "k/2*nothing^2", "k/2*q^2 + c/4*q^4"};
+    char scene[64], data[64];
+    (void)context;
+    path_of("scene.yaml", scene);
+    path_of("data.h5", data);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fprintf(
+        file,
+        "%sscene: %s\ndata: {file: %s}\nmodels:\n  body:\n"
+        "    constants: {k: {learned: 1.0, positive: true}, c: {learned: 1.0, positive: true}}\n"
+        "    energy: \"p^2/2 + %s\"\n"
+        "    reversible: {given: [[q, p, 1.0]]}\n"
+        "subsystems: {body: body}\n"
+        "stages:\n"
+        "  - {optimiser: gauss_newton, iterations: %d, batch: 512, residual: derivative}\n"
+        "  - {optimiser: gauss_newton, iterations: 20, batch: 512}\n",
+        comment, scene, data, spring[chosen[0]], 20 + chosen[1]);
+    assert_int_equal(fclose(file), 0);
+    return PM_OK;
+}
+
+static void read_result(const char *path, char text[TEXT]) {
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    text[fread(text, 1, TEXT - 1, file)] = '\0';
+    fclose(file);
+}
+
+static void search(double budget, char text[TEXT]) {
+    static const char *const spring[] = {"linear", "unreadable", "cubic"};
+    static const char *const number[] = {"20", "21"};
+    pm_hypotheses space = {.write = write_training};
+    char path[64];
+    path_of("result.yaml", path);
+    assert_int_equal(pm_hypotheses_add(&space, "spring", 3, spring), 0);
+    assert_int_equal(pm_hypotheses_add(&space, "alone", 1, spring), -1);
+    assert_int_equal(pm_hypotheses_add(&space, "number", 2, number), 1);
+    const pm_search_how how = {.budget = budget};
+    assert_int_equal(pm_search_run(&space, &how, path), PM_OK);
+    read_result(path, text);
+}
+
+static void the_data_decide(void **state) {
+    char text[TEXT], again[TEXT];
+    (void)state;
+    search(5, text);
+    if (strstr(text, "c/4*q^4") == NULL) {
+        fail_msg("expected the cubic spring in:\n%s", text);
+    }
+    assert_non_null(strstr(text, "# * spring: cubic"));
+    assert_non_null(strstr(text, "# - spring: unreadable (failed: "));
+    search(5, again);
+    assert_string_equal(text, again);
+}
+
+static void without_a_budget_nothing_is_tried(void **state) {
+    char text[TEXT];
+    (void)state;
+    search(0, text);
+    assert_non_null(strstr(text, "\"p^2/2 + k/2*q^2\""));
+    assert_null(strstr(text, "#"));
+}
+
+// A search that is interrupted leaves no file.
+static void an_interrupted_search_ends(void **state) {
+    static const char *const spring[] = {"linear", "unreadable", "cubic"};
+    static const volatile sig_atomic_t stop = 1;
+    pm_hypotheses space = {.write = write_training};
+    char path[64];
+    (void)state;
+    path_of("interrupted.yaml", path);
+    pm_hypotheses_add(&space, "spring", 3, spring);
+    const pm_search_how how = {.budget = 5, .stop = &stop};
+    assert_int_equal(pm_search_run(&space, &how, path), PM_EINTERRUPTED);
+    assert_int_equal(access(path, F_OK), -1);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_data_decide),
+        cmocka_unit_test(without_a_budget_nothing_is_tried),
+        cmocka_unit_test(an_interrupted_search_ends),
+    };
+    char path[64];
+    pm_linalg_init();
+    if (mkdtemp(folder) == NULL) {
+        return 1;
+    }
+    path_of("scene.yaml", path);
+    write_text(path, "scene: spring\ntime: {dt: 0.05, steps: 59, integrator: rk4, substeps: 1}\n"
+                     "subsystems:\n  body:\n    weights: body.h5\n    state:\n"
+                     "      q: {unit: m, columns: [q]}\n      p: {unit: kg m/s, columns: [p]}\n");
+    path_of("data.h5", path);
+    write_data(path);
+    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    static const char *const made[] = {"scene.yaml", "data.h5", "result.yaml"};
+    for (size_t i = 0; i < sizeof made / sizeof *made; ++i) {
+        path_of(made[i], path);
+        remove(path);
+    }
+    rmdir(folder);
+    return failed;
+}

@@ -1,0 +1,167 @@
+// The hypotheses about a scene: which questions are worth asking about each subsystem and port, and
+// their answers in the order of belief.
+#include <math.h>
+#include <string.h>
+
+#include "propose/draft.h"
+
+#define COUPLINGS 5 // hypotheses about L of a port
+#define TURNS 1.5   // rad: the deviation of an angle beyond which sine and cosine are believed more
+
+// The answers in words.
+static const char *const words[] = {[PM_AS_FOUND] = "as found",
+                                    [PM_CONSTANT] = "learned constants",
+                                    [PM_BY_POSITIONS] = "a function of positions",
+                                    [PM_BY_STATES] = "a function of the state",
+                                    [PM_BY_COENERGIES] = "a function of co-energies",
+                                    [PM_NONE] = "none",
+                                    [PM_ALONE] = "of the entropy alone",
+                                    [PM_BY_COMPONENTS] = "of components",
+                                    [PM_BY_BOTH] = "of lengths and components",
+                                    [PM_BY_SINES] = "of sine and cosine",
+                                    [PM_JOINT] = "not apart",
+                                    [PM_OF_MOTION] = "on momenta and fluxes alone",
+                                    [PM_ROOM] = "300 K",
+                                    [PM_LARGE] = "larger networks"};
+
+// Adds a question with `count` answers.
+static void ask(pm_draft *d, pm_question question, int component, int count,
+                const pm_answer *answer) {
+    static const char *const what[PM_QUESTIONS] = {[PM_ASK_REVERSIBLE] = "L",
+                                                   [PM_ASK_FRICTION] = "friction",
+                                                   [PM_ASK_DIRECTIONS] = "directions of friction",
+                                                   [PM_ASK_STRENGTH] = "strength of friction",
+                                                   [PM_ASK_HEAT] = "heat",
+                                                   [PM_ASK_ENERGY] = "energy",
+                                                   [PM_ASK_ANGLE] = "angles",
+                                                   [PM_ASK_KINETIC] = "kinetic energy",
+                                                   [PM_ASK_TEMPERATURE] = "temperature at first",
+                                                   [PM_ASK_SIZE] = "size"};
+    const pm_physics *physics = &d->p->scene->physics;
+    const int port = component - physics->nsubsystem;
+    const char *text[PM_SEARCH_ALTERNATIVES];
+    char name[PM_SEARCH_NAME];
+    const char *of = question == PM_ASK_TEMPERATURE || question == PM_ASK_SIZE ? "the scene"
+                     : port >= 0 ? physics->port[port].name
+                                 : physics->subsystem[component].name;
+    snprintf(name, sizeof name, "%s of %s", what[question], of);
+    for (int i = 0; i < count; ++i) {
+        text[i] = words[answer[i]];
+    }
+    const int id = pm_hypotheses_add(&d->space, name, count, text);
+    if (id >= 0) {
+        memcpy(d->answer[id], answer, (size_t)count * sizeof *answer);
+        d->asked[component][question] = id;
+    }
+}
+
+// What the groups of a subsystem, or those that one end of a port exposes, allow to ask.
+typedef struct inventory {
+    int coupled;     // components that a learned L may couple
+    int lossy, heat; // components on which friction may act, and of entropies
+    bool odd;        // some of the coupled change their sign when time runs backwards
+    bool stays;      // friction may act on something that does not
+    bool position;   // a variable that does not, and is no entropy
+    bool vector;     // such a variable of two or three components
+    bool angle, turns, apart;
+} inventory;
+
+static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
+    for (int g = 0; g < v->count; ++g) {
+        const pm_group *group = v->group[g].group;
+        const bool even = v->unit[g].known && !v->odd[g];
+        if (v->group[g].constant || (shown != NULL && pm_layout_find(shown, group->name) == NULL)) {
+            continue;
+        }
+        if (v->kind[g] == PM_VIEW_ENTROPY) {
+            n->heat += group->size;
+            continue;
+        }
+        const bool couples = shown != NULL || pm_view_may_couple(v, g);
+        n->coupled += couples ? group->size : 0;
+        n->odd = n->odd || (couples && v->odd[g]);
+        n->lossy += v->geometric[g] ? 0 : group->size;
+        n->position = n->position || even;
+        n->stays = n->stays || (even && !v->geometric[g]);
+        n->vector = n->vector || (even && (group->size == 2 || group->size == 3) &&
+                                  v->kind[g] != PM_VIEW_DIRECTION);
+        n->angle = n->angle || v->angle[g];
+        n->turns = n->turns || (v->angle[g] && v->group[g].deviation > TURNS);
+        n->apart = n->apart || (v->kind[g] == PM_VIEW_POSITION && v->apart[g]);
+    }
+}
+
+void pm_draft_ask(pm_draft *d) {
+    static const pm_answer reversible[] = {PM_AS_FOUND, PM_BY_STATES, PM_BY_POSITIONS, PM_CONSTANT,
+                                           PM_NONE},
+                           strength[] = {PM_AS_FOUND, PM_BY_COENERGIES},
+                           directions[] = {PM_AS_FOUND, PM_BY_POSITIONS},
+                           friction[] = {PM_AS_FOUND, PM_OF_MOTION},
+                           heat[] = {PM_AS_FOUND, PM_ALONE},
+                           energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
+                           angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
+                           kinetic[] = {PM_AS_FOUND, PM_JOINT};
+    static const pm_answer temperature[] = {PM_AS_FOUND, PM_ROOM}, size[] = {PM_AS_FOUND, PM_LARGE};
+    const pm_physics *physics = &d->p->scene->physics;
+    const double room = PM_DEFAULT_TEMPERATURE;
+    bool far = false;
+    for (int c = 0; c < physics->nz; ++c) {
+        const double kelvin = d->temperature[c];
+        far = far || (kelvin > 0 && fmax(kelvin, room) > PM_NEAR_ROOM * fmin(kelvin, room));
+    }
+    for (int i = 0; i < physics->nsubsystem + physics->nport; ++i) {
+        for (int q = 0; q < PM_QUESTIONS; ++q) {
+            d->asked[i][q] = -1;
+        }
+    }
+    if (d->p->form == PM_FREE) {
+        return;
+    }
+    if (far) {
+        ask(d, PM_ASK_TEMPERATURE, 0, 2, temperature);
+    }
+    for (int component = 0; component < physics->nsubsystem + physics->nport; ++component) {
+        const pm_scene_port *port = component < physics->nsubsystem
+                                        ? NULL
+                                        : &physics->port[component - physics->nsubsystem];
+        if (port == NULL ? physics->subsystem[component].model != NULL : port->model != NULL) {
+            continue;
+        }
+        inventory n = {.odd = false};
+        bool lossless = true; // both ends have what a lossless port may couple
+        for (int end = 0; end < (port == NULL ? 1 : 2); ++end) {
+            const int id = port == NULL ? component : port->subsystem[end];
+            const int before = n.coupled;
+            if (id >= 0) {
+                count(&n, &d->part[id], port == NULL ? NULL : &port->layout[end]);
+            }
+            lossless = lossless && n.coupled > before;
+        }
+        if (n.odd && lossless && (port != NULL || n.coupled > 1)) {
+            ask(d, PM_ASK_REVERSIBLE, component, port == NULL ? COUPLINGS - 1 : COUPLINGS,
+                reversible);
+        }
+        if (port == NULL && n.angle) {
+            ask(d, PM_ASK_ANGLE, component, 2, n.turns ? angle + 1 : angle);
+        }
+        if (port == NULL && n.heat > 0 && n.position) {
+            ask(d, PM_ASK_HEAT, component, 2, heat);
+        }
+        if (port == NULL && n.heat > 0 && n.stays) {
+            ask(d, PM_ASK_FRICTION, component, 2, friction);
+        }
+        if (n.heat > 0 && (port == NULL ? n.lossy > 0 : n.heat + n.lossy > 1)) {
+            ask(d, PM_ASK_STRENGTH, component, 2, strength);
+        }
+        if (n.heat > 0 && n.lossy > 1 && n.position) {
+            ask(d, PM_ASK_DIRECTIONS, component, 2, directions);
+        }
+        if (port == NULL && n.vector) {
+            ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);
+        }
+        if (port == NULL && n.apart) {
+            ask(d, PM_ASK_KINETIC, component, 2, kinetic);
+        }
+    }
+    ask(d, PM_ASK_SIZE, 0, 2, size);
+}

@@ -1,0 +1,466 @@
+// The search: which vectors are tried, how much each trial may cost, and what is kept. A trial runs
+// in a child process and a temporary folder, so that a fault or a limit ends it without harm.
+#include "propose/search.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <ftw.h>
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "base/arena.h"
+#include "data/trained.h"
+#include "fit/fit.h"
+
+#define MOST_VECTORS 256 // that are tried
+#define ROUNDS 3         // in each of which all alternatives of one choice are tried
+#define FINALISTS 3      // vectors that are fitted longer
+#define HOPELESS 3       // times the error of the best one: beyond it a vector is not fitted longer
+// What a change must reach of the error before, to be kept: other draws of the first weights alone
+// change the error of a short fit by up to two times.
+#define BETTER 0.5
+#define CLOSE 0.95        // likewise between finalists: the one that is believed more wins a tie
+#define ENOUGH 1e-3       // error of one step below which nothing else is tried
+#define SAFETY 20         // the limit of CPU time of a trial over its nominal time
+#define FEWEST_SECONDS 60 // of this limit
+#define FOR_FINALISTS 0.3 // of the budget
+#define FOR_ONE_ROUND 0.5
+
+// The cost of an iteration of Gauss-Newton on a nominal machine: operations for each residual and
+// pair of weights, for each residual and weight, and operations per second.
+#define PER_PAIR 1.0
+#define PER_WEIGHT 1000.0
+#define SPEED 3e10
+#define PER_STAGE 0.25 // of a step of an integrator, in evaluations of a rate with its derivatives
+
+// Sizes of short fits.
+#define TRIES 4
+#define TRY_ITERATIONS 5
+#define START_ITERATIONS 34 // of four draws of 5 iterations, the better half 7 more
+#define RESIDUALS_PER_WEIGHT 3
+#define FEWEST_SAMPLES 256
+#define MOST_SAMPLES 4096
+#define FEWEST_ITERATIONS 30
+#define MOST_ITERATIONS 120
+#define OF_FINALISTS 2 // times as many samples and iterations
+
+#define AT_ONCE 2         // trials that run side by side
+#define NAME_OF_FILE 16   // room for the name of a file in the folder
+#define OPEN_FOLDERS 8    // while a folder is removed
+#define MICROSECONDS 1e-6 // s
+#define PERCENT 100
+
+// The result of a trial.
+struct trial {
+    pm_fit_score score; // infinite where the fit has failed
+    bool failed;
+    char reason[128]; // why it has failed
+};
+
+typedef struct tried_vector {
+    const int *vector;        // [count]
+    struct trial trial, last; // of the short fit, and of the longer one
+    bool finalist;
+} tried_vector;
+
+typedef struct hypothesis_search {
+    const pm_hypotheses *space;
+    const pm_search_how *how;
+    pm_arena arena;
+    int ncandidate, best;
+    tried_vector candidate[MOST_VECTORS];
+    int weights, nz, substeps;
+    double left, used; // s: nominal time that is left, CPU time that was used
+} hypothesis_search;
+
+// --- trials ---
+
+// A trial in progress.
+typedef struct runner {
+    pid_t child; // 0: none
+    int id, pipe;
+    char folder[PATH_MAX];
+} runner;
+
+static int remove_one(const char *path, const struct stat *status, int kind, struct FTW *place) {
+    (void)status, (void)kind, (void)place;
+    return remove(path);
+}
+
+// What the child process does. It never returns.
+static void work(const pm_hypotheses *space, const int *vector, const pm_fit_effort *effort,
+                 double seconds, const volatile sig_atomic_t *stop, const runner *r, int pipe) {
+    const rlim_t limit = (rlim_t)ceil(seconds);
+    const struct rlimit most = {limit, limit}, no_core = {0, 0};
+    char config[PATH_MAX + NAME_OF_FILE];
+    struct trial result = {.failed = true, .score = {INFINITY, INFINITY, INFINITY}};
+    const int quiet = open("/dev/null", O_WRONLY);
+    (void)prctl(PR_SET_PDEATHSIG, SIGKILL);
+    (void)setrlimit(RLIMIT_CPU, &most);
+    (void)setrlimit(RLIMIT_CORE, &no_core);
+    if (quiet >= 0 && dup2(quiet, STDOUT_FILENO) >= 0 && dup2(quiet, STDERR_FILENO) >= 0) {
+        snprintf(config, sizeof config, "%s/training.yaml", r->folder);
+        static const volatile sig_atomic_t never = 0;
+        const pm_fit_arguments a = {.config = config, .output = r->folder, .effort = effort};
+        pm_fit f;
+        pm_status status = space->write(space->context, vector, "", config);
+        status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
+        status = status == PM_OK ? pm_fit_run(&f) : status;
+        status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
+        result.failed = status != PM_OK;
+        // The name of the folder is another one each time.
+        const size_t length = strlen(r->folder);
+        const bool named = strncmp(pm_error(), r->folder, length) == 0;
+        snprintf(result.reason, sizeof result.reason, "%s",
+                 result.failed ? pm_error() + (named ? length + 1 : 0) : "");
+    }
+    const bool told = write(pipe, &result, sizeof result) == (ssize_t)sizeof result;
+    _exit(told ? EXIT_SUCCESS : EXIT_FAILURE);
+}
+
+// Waits for the end of a trial, and ends it if `stop` is set. A trial that died without a result
+// has failed.
+static void finish(runner *r, const volatile sig_atomic_t *stop, struct trial *trial,
+                   double *used) {
+    struct rusage usage = {0};
+    int end = 0;
+    *trial = (struct trial){.failed = true,
+                            .score = {INFINITY, INFINITY, INFINITY},
+                            .reason = "the fit took too long or ended by a fault"};
+    size_t got = 0;
+    struct trial result;
+    for (ssize_t n = 1; n != 0 && got < sizeof result;) {
+        if (stop != NULL && *stop) {
+            kill(r->child, SIGTERM);
+        }
+        n = read(r->pipe, (char *)&result + got, sizeof result - got);
+        n = n < 0 && errno != EINTR ? 0 : n;
+        got += n > 0 ? (size_t)n : 0;
+    }
+    if (got == sizeof result) {
+        *trial = result;
+    }
+    close(r->pipe);
+    while (wait4(r->child, &end, 0, &usage) < 0 && errno == EINTR) {
+    }
+    *used += (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
+             MICROSECONDS * (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec);
+    (void)nftw(r->folder, remove_one, OPEN_FOLDERS, FTW_DEPTH | FTW_PHYS);
+    r->child = 0;
+}
+
+// Fits the training files of `count` vectors, vector[i] [space->count], and writes their results to
+// trial [count], AT_ONCE at a time where there are as many processors. `seconds` is the limit of
+// CPU time of each, a safeguard that no fit should reach, since it depends on the machine. The
+// results do not depend on the order in which the fits end. Adds their CPU time to *used. PM_EFILE,
+// PM_EINTERRUPTED.
+static pm_status run_trials(const pm_hypotheses *space, int count, const int *const *vector,
+                            const pm_fit_effort *effort, double seconds,
+                            const volatile sig_atomic_t *stop, struct trial *trial, double *used) {
+    runner running[AT_ONCE] = {{.child = 0}};
+    const char *root = getenv("TMPDIR");
+    const int most = sysconf(_SC_NPROCESSORS_ONLN) < AT_ONCE ? 1 : AT_ONCE;
+    pm_status status = PM_OK;
+    for (int i = 0; i < count + most; ++i) { // whoever began first is waited for first
+        runner *r = &running[i % most];
+        int ends[2];
+        if (r->child != 0) {
+            finish(r, stop, &trial[r->id], used);
+        }
+        if (stop != NULL && *stop && status == PM_OK) {
+            status = pm_fail(PM_EINTERRUPTED, "interrupted while hypotheses were tried");
+        }
+        if (i >= count || status != PM_OK) {
+            continue;
+        }
+        *r = (runner){.id = i};
+        snprintf(r->folder, sizeof r->folder, "%s/portmet_trial_XXXXXX",
+                 root == NULL ? "/tmp" : root);
+        if (mkdtemp(r->folder) == NULL) {
+            status = pm_fail(PM_EFILE, "%s: %s", r->folder, strerror(errno));
+            continue;
+        }
+        fflush(NULL); // else the child would write what is in the buffers again
+        r->child = pipe(ends) == 0 ? fork() : -1;
+        if (r->child == 0) {
+            close(ends[0]);
+            work(space, vector[i], effort, seconds, stop, r, ends[1]);
+        }
+        if (r->child < 0) {
+            status = pm_fail(PM_EFILE, "a process for a trial: %s", strerror(errno));
+            r->child = 0;
+            (void)rmdir(r->folder);
+            continue;
+        }
+        close(ends[1]);
+        r->pipe = ends[0];
+    }
+    return status;
+}
+
+// --- candidates ---
+
+// The error by which short fits are compared: of one step, or where it is not measured of rollouts.
+static double error_of(const struct trial *t) {
+    const double error = isnan(t->score.step) ? t->score.rollout : t->score.step;
+    return t->failed || isnan(error) ? INFINITY : error;
+}
+
+// Adds the best vector with another alternative of one choice, unless it is among the candidates.
+// Returns whether it was added.
+static bool add(hypothesis_search *s, int choice, int alternative) {
+    const int n = s->space->count;
+    int *vector = pm_arena_array(&s->arena, (size_t)n + 1, sizeof *vector);
+    if (s->arena.failed || s->ncandidate == MOST_VECTORS) {
+        return false;
+    }
+    memcpy(vector, s->candidate[s->best].vector, (size_t)n * sizeof *vector);
+    vector[choice] = alternative;
+    for (int i = 0; i < s->ncandidate; ++i) {
+        if (memcmp(s->candidate[i].vector, vector, (size_t)n * sizeof *vector) == 0) {
+            return false;
+        }
+    }
+    s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
+    return true;
+}
+
+// --- costs ---
+
+static double seconds_of(const hypothesis_search *s, const pm_fit_effort *e) {
+    const double residuals = (double)e->samples * s->nz, w = s->weights;
+    const double one = residuals * w * (PER_PAIR * w + PER_WEIGHT) / SPEED;
+    const double steps = e->stages > 1 ? e->iterations * (1 + PER_STAGE * s->substeps) : 0;
+    return one * (START_ITERATIONS + e->iterations + steps);
+}
+
+// Returns the effort of a trial that takes about so long.
+static pm_fit_effort effort_for(const hypothesis_search *s, double seconds, int stages) {
+    const int wanted = RESIDUALS_PER_WEIGHT * s->weights / s->nz;
+    pm_fit_effort e = {.tries = TRIES,
+                       .try_iterations = TRY_ITERATIONS,
+                       .samples = wanted < FEWEST_SAMPLES ? FEWEST_SAMPLES
+                                  : wanted > MOST_SAMPLES ? MOST_SAMPLES
+                                                          : wanted,
+                       .iterations = FEWEST_ITERATIONS,
+                       .stages = stages};
+    while (e.iterations < MOST_ITERATIONS && seconds_of(s, &e) < seconds) {
+        ++e.iterations;
+    }
+    return e;
+}
+
+// Tries the candidates which [count].
+static pm_status run(hypothesis_search *s, int count, const int *which,
+                     const pm_fit_effort *effort) {
+    const double seconds = seconds_of(s, effort);
+    const int *vector[MOST_VECTORS];
+    struct trial *trial = pm_arena_array(&s->arena, (size_t)count + 1, sizeof *trial);
+    PM_TRY(pm_arena_status(&s->arena, "trials"));
+    for (int i = 0; i < count; ++i) {
+        vector[i] = s->candidate[which[i]].vector;
+    }
+    s->left -= count * seconds;
+    PM_TRY(run_trials(s->space, count, vector, effort, fmax(SAFETY * seconds, FEWEST_SECONDS),
+                      s->how->stop, trial, &s->used));
+    for (int i = 0; i < count; ++i) {
+        tried_vector *c = &s->candidate[which[i]];
+        *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
+        c->finalist = c->finalist || effort->stages > 1;
+    }
+    return PM_OK;
+}
+
+// Tries the candidates from number `first` on, as many as the time allows.
+static pm_status run_new(hypothesis_search *s, int first, const pm_fit_effort *effort,
+                         double seconds) {
+    int which[MOST_VECTORS], count = 0;
+    const double most = fmax(floor(seconds / seconds_of(s, effort)), 0);
+    s->ncandidate = s->ncandidate - first < most ? s->ncandidate : first + (int)most;
+    for (int i = first; i < s->ncandidate; ++i) {
+        which[count++] = i;
+    }
+    return run(s, count, which, effort);
+}
+
+// --- the search ---
+
+// Fits the best candidates longer, unless the best one is good enough. The winner becomes s->best.
+static pm_status decide(hypothesis_search *s, double seconds) {
+    int which[FINALISTS], count = 0;
+    const double best = error_of(&s->candidate[s->best].trial);
+    while (count < FINALISTS && best >= ENOUGH) {
+        int next = -1;
+        for (int i = 0; i < s->ncandidate; ++i) {
+            bool has = false;
+            for (int k = 0; k < count; ++k) {
+                has = has || which[k] == i;
+            }
+            const double error = error_of(&s->candidate[i].trial);
+            if (!has && error < HOPELESS * best &&
+                (next < 0 || error < error_of(&s->candidate[next].trial))) {
+                next = i;
+            }
+        }
+        if (next < 0) {
+            break;
+        }
+        which[count++] = next;
+    }
+    if (count <= 1) {
+        return PM_OK;
+    }
+    pm_fit_effort e = effort_for(s, seconds / (count * OF_FINALISTS), 2);
+    e.samples *= OF_FINALISTS;
+    s->left = seconds;
+    PM_TRY(run(s, count, which, &e));
+    // Among equals the one that is believed more, which was tried first, wins.
+    s->best = which[0];
+    for (int k = 1; k < count; ++k) {
+        const struct trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
+        if (!t->failed &&
+            (b->failed ||
+             t->score.rollout < (which[k] < s->best ? 1 / CLOSE : CLOSE) * b->score.rollout)) {
+            s->best = which[k];
+        }
+    }
+    return PM_OK;
+}
+
+// Tries the alternatives of one choice after the other, each time beside the best vector so far,
+// until a whole round changes nothing or the best one is good enough.
+static pm_status descend(hypothesis_search *s, int alternatives) {
+    const pm_hypotheses *space = s->space;
+    const double budget = s->how->budget;
+    // The cost of a trial follows from the first training file.
+    char path[] = "/tmp/portmet_search_XXXXXX";
+    const int file = mkstemp(path);
+    if (file < 0) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    close(file);
+    pm_training *t = NULL;
+    pm_status status = space->write(space->context, s->candidate[0].vector, "", path);
+    status = status == PM_OK ? pm_training_load(&t, path) : status;
+    remove(path);
+    PM_TRY(status);
+    const pm_loss *last = &t->stage[t->nstage - 1].loss;
+    s->weights = pm_trained_count(t->system);
+    s->nz = t->scene->physics.nz;
+    s->substeps = last->substeps * (last->integrator == NULL ? 1 : last->integrator->nstage);
+    pm_training_free(t);
+    const pm_fit_effort effort = effort_for(s, FOR_ONE_ROUND * budget / alternatives, 1);
+    s->left = (1 - FOR_FINALISTS) * budget;
+    PM_TRY(run_new(s, 0, &effort, INFINITY));
+    bool goes_on = true;
+    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+        goes_on = false;
+        for (int c = 0; c < space->count; ++c) {
+            const int first = s->ncandidate, own = s->candidate[s->best].vector[c];
+            const double before = error_of(&s->candidate[s->best].trial);
+            if (before < ENOUGH) {
+                return PM_OK;
+            }
+            for (int a = 0; a < space->choice[c].count; ++a) {
+                (void)(a != own && add(s, c, a));
+            }
+            PM_TRY(run_new(s, first, &effort, s->left));
+            for (int i = first; i < s->ncandidate; ++i) {
+                const double error = error_of(&s->candidate[i].trial);
+                if (error < BETTER * before && error < error_of(&s->candidate[s->best].trial)) {
+                    s->best = i;
+                    goes_on = true;
+                }
+            }
+        }
+    }
+    return PM_OK;
+}
+
+// --- the comment ---
+
+static void print_trial(FILE *f, const struct trial *t) {
+    if (t->failed) {
+        fprintf(f, "failed: %s", t->reason);
+        return;
+    }
+    const double error[] = {t->score.step, t->score.rollout, t->score.production};
+    for (int i = 0; i < 3; ++i) {
+        fprintf(f, isnan(error[i]) ? "%s-" : "%s%.3g", i > 0 ? ", " : "", PERCENT * error[i]);
+    }
+}
+
+// Writes what was tried. Each line has the alternatives that are not the first ones.
+static void print_trials(const hypothesis_search *s, FILE *f) {
+    fprintf(f,
+            "# Hypotheses were tried by short fits. Errors on the validation part, in %%: of one "
+            "step, of rollouts\n# relative to persistence, of the entropy produced; then those "
+            "of longer fits of the best ones.\n");
+    for (int i = 0; i < s->ncandidate; ++i) {
+        const tried_vector *c = &s->candidate[i];
+        bool any = false;
+        fprintf(f, "# %s ", i == s->best ? "*" : "-");
+        for (int k = 0; k < s->space->count; ++k) {
+            const pm_choice *choice = &s->space->choice[k];
+            if (c->vector[k] > 0) {
+                fprintf(f, "%s%s: %s", any ? "; " : "", choice->name,
+                        choice->alternative[c->vector[k]]);
+                any = true;
+            }
+        }
+        fprintf(f, "%s (", any ? "" : "as proposed from units and statistics");
+        print_trial(f, &c->trial);
+        if (c->finalist) {
+            fprintf(f, "; longer: ");
+            print_trial(f, &c->last);
+        }
+        fprintf(f, ")\n");
+    }
+}
+
+pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path) {
+    char *text = NULL;
+    size_t size = 0;
+    int alternatives = 1;
+    hypothesis_search *s = calloc(1, sizeof *s);
+    FILE *comment = s == NULL ? NULL : open_memstream(&text, &size);
+    pm_status status = PM_OK;
+    if (comment == NULL) {
+        free(s);
+        return pm_fail(PM_ENOMEM, "out of memory for a search");
+    }
+    s->space = space;
+    s->how = how;
+    for (int c = 0; c < space->count; ++c) {
+        alternatives += space->choice[c].count - 1;
+    }
+    int *vector = pm_arena_array(&s->arena, (size_t)space->count + 1, sizeof *vector);
+    PM_TRY_DONE(pm_arena_status(&s->arena, "a search"));
+    s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
+    if (how->budget > 0 && alternatives > 1) {
+        PM_TRY_DONE(descend(s, alternatives));
+        PM_TRY_DONE(decide(s, FOR_FINALISTS * how->budget));
+        print_trials(s, comment);
+        if (how->loud) {
+            printf("%d hypotheses of %d choices were tried in %.0f s of CPU; %s\n", s->ncandidate,
+                   space->count, s->used,
+                   s->best == 0 ? "the first one is kept"
+                                : "the head of the file says which one is kept");
+        }
+    }
+    status = fflush(comment) == 0
+                 ? space->write(space->context, s->candidate[s->best].vector, text, path)
+                 : pm_fail(PM_ENOMEM, "out of memory for a comment");
+done:
+    fclose(comment);
+    free(text);
+    pm_arena_free(&s->arena);
+    free(s);
+    return status;
+}

@@ -1,0 +1,69 @@
+// Chooses a training file by trying. A space of hypotheses is a list of choices, each with a few
+// alternatives in the order in which they are believed before any trial. A writer turns a vector,
+// one alternative for each choice, into a training file. A trial is a short fit of that file in a
+// process of its own, measured on the validation part. The search begins with the vector of first
+// alternatives, tries the alternatives of one choice after the other and keeps what lowers the
+// error of one step, until nothing does; the best few are then fitted longer, and their rollouts
+// decide (coordinate descent, and a last round of successive halving, Jamieson, Talwalkar, AISTATS
+// 2016).
+//
+// The same space, data and budget give the same vector: the budget is turned into a number of
+// trials and of iterations by a nominal speed, not by a clock.
+#ifndef PM_TRAINER_PROPOSE_SEARCH_H
+#define PM_TRAINER_PROPOSE_SEARCH_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "base/status.h"
+
+#define PM_SEARCH_CHOICES 64
+#define PM_SEARCH_ALTERNATIVES 8
+#define PM_SEARCH_NAME 96
+
+typedef struct pm_choice {
+    char name[PM_SEARCH_NAME];                       // what is chosen, such as "L of tank"
+    int count;                                       // number of alternatives, at least 1
+    const char *alternative[PM_SEARCH_ALTERNATIVES]; // [count] in words; static or borrowed texts
+} pm_choice;
+
+typedef struct pm_hypotheses {
+    int count;
+    pm_choice choice[PM_SEARCH_CHOICES]; // [count]
+    // Writes the training file of the vector `chosen` [count] to `path`. `comment` are lines that
+    // begin with "# ", for the head of the file, or "". Called in child processes, too, and for
+    // files in temporary folders, so that paths in the file must be absolute. The file names its
+    // data.
+    pm_status (*write)(void *context, const int *chosen, const char *comment, const char *path);
+    void *context;
+} pm_hypotheses;
+
+typedef struct pm_search_how {
+    double budget; // s of CPU time on a nominal machine; 0: the first vector is written untried
+    bool loud;     // print a line for each round
+    const volatile sig_atomic_t *stop; // ends the search when nonzero; or NULL
+} pm_search_how;
+
+// Adds a choice with `count` alternatives, or nothing if there is one alternative only or no room.
+// Returns its number, or -1.
+static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int count,
+                                    const char *const *alternative) {
+    if (count < 2 || count > PM_SEARCH_ALTERNATIVES || space->count == PM_SEARCH_CHOICES) {
+        return -1;
+    }
+    pm_choice *c = &space->choice[space->count];
+    snprintf(c->name, sizeof c->name, "%s", name);
+    c->count = count;
+    for (int i = 0; i < count; ++i) {
+        c->alternative[i] = alternative[i];
+    }
+    return space->count++;
+}
+
+// Searches and writes the training file of the winner to `path`, with a comment: what was tried,
+// how far each came. A trial that fails is a bad hypothesis, not a failure. Fails as space->write
+// does for the winner; PM_EFILE: no temporary folder; PM_EINTERRUPTED; PM_ENOMEM.
+pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path);
+
+#endif
