@@ -242,6 +242,36 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                     d);
         }
     }
+    // What two positions store together: a spring between them, or angles that add up.
+    for (int i = 0; i < w->v->nvariable; ++i) {
+        for (int j = i + 1; j < w->v->nvariable; ++j) {
+            const pm_logger_column *a = &w->v->column[i], *b = &w->v->column[j];
+            if (!pm_logger_is(w->v, i, part, PM_LOGGER_POSITION) ||
+                !pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) || a->angle != b->angle) {
+                continue;
+            }
+            char both[PM_LOGGER_TEXT];
+            snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
+            const double together = -w->v->column[a->mate].inertia * w->v->coupling[a->mate][j];
+            if (a->angle) {
+                static const char *const kinds[] = {"cosp", "sinp", "cosm", "sinm"};
+                for (size_t k = 0; k < sizeof kinds / sizeof *kinds; ++k) {
+                    pm_logger_constant(w, kinds[k], both, 0, false);
+                }
+                fprintf(w->model,
+                        "      - \"cosp_%s*cos(%s + %s) + sinp_%s*sin(%s + %s) + cosm_%s*cos(%s - "
+                        "%s) + sinm_%s*sin(%s - %s)\"\n",
+                        both, a->name, b->name, both, a->name, b->name, both, a->name, b->name,
+                        both, a->name, b->name);
+            } else {
+                const double da = fmax(fabs(a->least), fabs(a->largest));
+                const double db = fmax(fabs(b->least), fabs(b->largest));
+                pm_logger_constant(w, "k", both, together * da * db, false);
+                fprintf(w->model, "      - \"k_%s*(%s/%.6g)*(%s/%.6g)\"\n", both, a->name, da,
+                        b->name, db);
+            }
+        }
+    }
 }
 
 // Writes what couples positions with velocities, and co-energies of different kinds.
