@@ -160,7 +160,7 @@ done
 
 # A proposal reads the shorter trajectory, too.
 succeed "wrote" propose "$folder/drive.yaml" --data "$folder/drive.h5" -o "$folder/proposed.yaml"
-grep -q nan "$folder/proposed.yaml" && fail "propose: a number is missing"
+grep -v "^#" "$folder/proposed.yaml" | grep -q nan && fail "propose: a number is missing"
 
 # Without structure: one subsystem with one port to what the inputs follow.
 succeed "wrote" propose "$folder/drive.yaml" --data "$folder/drive.h5" --form free -o "$folder/free.yaml"

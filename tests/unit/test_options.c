@@ -71,6 +71,7 @@ static void options_stand_anywhere(void **state) {
     assert_string_equal(g.positional[1], "--data");
     assert_int_equal(read_words(&g, WORDS("-o", "-x", "a", "b", "--data="), 0, 0), PM_OK);
     assert_true(strcmp(g.output, "-x") == 0 && strcmp(g.data, "") == 0);
+    free(g.several.word);
 }
 
 static void an_option_has_several_values(void **state) {

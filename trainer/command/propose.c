@@ -15,7 +15,9 @@
 pm_status pm_command_budget(const char *text, double *seconds) {
     char *end = NULL;
     const double value = text == NULL ? *seconds : strtod(text, &end);
-    end += end != NULL && *end == 's';
+    if (end != NULL && *end == 's') {
+        ++end;
+    }
     if (text != NULL && (end == text || *end != '\0' || !(value >= 0 && isfinite(value)))) {
         return pm_fail(PM_EUSAGE, "--budget: expected a time in s, such as 60, found \"%.40s\"",
                        text);
