@@ -54,17 +54,26 @@ bool pm_logger_begin(pm_logger_writer *w) {
     return w->list != NULL && w->model != NULL;
 }
 
-// Ends a model: writes its constants, then its body.
+// Ends a model: writes its constants, then its body, unless it could not begin.
 void pm_logger_end(pm_logger_writer *w, const char *name) {
-    if (w->list != NULL && w->model != NULL) {
+    const bool begun = w->list != NULL && w->model != NULL;
+    if (w->list != NULL) {
         fclose(w->list);
+    }
+    if (w->model != NULL) {
         fclose(w->model);
+    }
+    if (begun) {
         fprintf(w->f, "  %s:\n", name);
         if (w->size > 0) {
             fprintf(w->f, "    constants:\n%s", w->constants);
         }
         fputs(w->body, w->f);
     }
+    free(w->constants);
+    free(w->body);
+    w->list = w->model = NULL;
+    w->constants = w->body = NULL;
 }
 
 // Adds a learned constant "<kind>_<name>" to the model.
