@@ -1,4 +1,4 @@
-// What a program reads it does not overwrite. The readers of files note each one, by its device and
+// A program does not overwrite a file that it reads. The readers note each file, by its device and
 // inode, and the writers ask before they create one. Safe with threads.
 #ifndef PM_BASE_FILES_H
 #define PM_BASE_FILES_H

@@ -25,7 +25,8 @@ typedef struct pm_control_run {
     const char *record;      // name of the recording: letters, digits and "._-"; "": none
 } pm_control_run;
 
-// What the owner of the control does when a run begins and ends, and upon RELOAD.
+// The owner of the control provides these functions. They are called when a run begins and ends,
+// and upon RELOAD.
 typedef struct pm_control_service {
     void *context;
     const char *description; // of what is served, for clients; borrowed

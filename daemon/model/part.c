@@ -539,7 +539,7 @@ pm_node pm_part_energy(pm_graph *g, const pm_part *part, pm_node z) {
 }
 
 pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z) {
-    // Of co-energies, the entropy names the energy variables alone (check_coenergies).
+    // The entropy names no co-energies but the energy variables inside (check_coenergies).
     const pm_node own =
         pm_potential_exists(&part->spec.entropy) ? pm_part_energy_variables(g, part, z) : z;
     const pm_symbols symbols = pm_part_symbols(part, g, own);

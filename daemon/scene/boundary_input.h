@@ -1,7 +1,7 @@
 // The values of a scene's boundary inputs over time. Each value is a constant, a dataset column, or
 // the time since the first state, which has the name "time" where no column has it, or a value of a
 // live input, which holds for a whole step.
-// What a column is between its samples, the scene's key `hold` says:
+// The scene's key `hold` says what a column is between its samples:
 //   smooth    the polynomial through the eight samples nearest in time, or the nearest four where
 //             times are uneven or samples are missing. For a sine of angular frequency w and
 //             samples dt apart, the error is 1.1e-3 (w dt)^8 of its amplitude, and twelve times as
