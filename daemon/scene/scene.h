@@ -49,8 +49,8 @@ typedef struct pm_scene_process {
     int *subsystem; // [count] positions in the scene, ascending
 } pm_scene_process;
 
-// What a column of a boundary input is between its samples (boundary_input.h): a polynomial through
-// the nearest samples, the last sample, or a straight line from one sample to the next.
+// A column of a boundary input is, between its samples (boundary_input.h), a polynomial through the
+// nearest samples, the last sample, or a straight line from one sample to the next.
 typedef enum pm_hold { PM_HOLD_SMOOTH, PM_HOLD_PREVIOUS, PM_HOLD_LINEAR } pm_hold;
 
 // One prescribed number: a constant, or a column of the dataset that a run follows.

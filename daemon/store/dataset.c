@@ -397,7 +397,7 @@ static pm_status read_times_of_each(pm_dataset *d, const pm_hdf5 *file, const ch
     return PM_OK;
 }
 
-// What to load: `name` is the dataset of measurements, or NULL for pm_dataset_load.
+// A file to load; `name` is its dataset of measurements, or NULL for pm_dataset_load.
 typedef struct loading {
     const char *path, *name;
 } loading;

@@ -394,7 +394,7 @@ static void trainer_takes_the_same_step(void **state) {
     }
 }
 
-// Where all inertias are 1, the rates of the state are those of the energy variables.
+// The rates of the state are those of the energy variables if all inertias are 1.
 static void nothing_is_released_where_inertias_are_one(void **state) {
     (void)state;
     static const char text[] =

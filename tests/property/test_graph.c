@@ -302,7 +302,7 @@ static void test_dead_and_shared_results(void **state) {
     pm_exp(g, pm_matmul(g, x, true, x, false)); // dead
     pm_program *p = NULL;
     assert_int_equal(pm_program_open(&p, g, 1, &wanted, batch), PM_OK);
-    // As much memory as without what is dead, because nothing else is computed.
+    // It takes as much memory as without the dead nodes, because nothing else is computed.
     pm_graph *plain = NULL;
     pm_program *q = NULL;
     assert_int_equal(pm_graph_open(&plain), PM_OK);

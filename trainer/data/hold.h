@@ -1,4 +1,4 @@
-// What a column is between its samples, as its own samples show: a smooth curve, a staircase that a
+// The samples of a column show what it is between them: a smooth curve, a staircase that a
 // controller or a logger holds, or what a straight line joins best.
 #ifndef PM_TRAINER_DATA_HOLD_H
 #define PM_TRAINER_DATA_HOLD_H

@@ -174,12 +174,29 @@ static bool is_learned(pm_logger_effect effect) {
     return effect == PM_LOGGER_GAIN || effect == PM_LOGGER_WARMS;
 }
 
+// Returns the co-energy on which an input of known power acts with the factor 1: of those whose
+// unit allows it and that answer with the input's sign, the one whose changes it explains best; -1:
+// none.
+static int driven_by(const pm_logger_view *view, int u) {
+    int best = -1;
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (view->column[c].kind != PM_LOGGER_POSITION &&
+            effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES &&
+            view->coupling[c][u] > 0 && (best < 0 || view->share[c][u] > view->share[best][u])) {
+            best = c;
+        }
+    }
+    return best;
+}
+
 // Finds the variables on which each input acts: those that its unit allows, if there are any, and
-// whose changes it explains.
+// whose changes it explains. An input drives one variable; others that it moves it may move through
+// an inertia that they share, so that its factor for them is learned.
 static void find_actions(pm_logger_view *view) {
     for (int u = view->nvariable; u < view->ncolumn; ++u) {
         bool by_unit = false;
         double best = 0;
+        const int driven = driven_by(view, u);
         for (int pass = 0; pass < 3; ++pass) { // units, the best share, actions
             for (int c = 0; c < view->nvariable; ++c) {
                 if (view->column[c].kind == PM_LOGGER_POSITION) {
@@ -192,9 +209,12 @@ static void find_actions(pm_logger_view *view) {
                     by_unit = by_unit || !is_learned(effect);
                 } else if (pass == 1 && candidate) {
                     best = fmax(best, share);
-                } else if (candidate && share >= BESIDE * best && (share > ACTS || share == best) &&
-                           view->naction < PM_LOGGER_ACTIONS) {
-                    view->action[view->naction++] = (pm_logger_action){u, c, effect, 1};
+                } else if (candidate && view->naction < PM_LOGGER_ACTIONS &&
+                           (c == driven ||
+                            (share >= BESIDE * best && (share > ACTS || share == best)))) {
+                    const bool beside = effect == PM_LOGGER_DRIVES && c != driven;
+                    view->action[view->naction++] =
+                        (pm_logger_action){u, c, beside ? PM_LOGGER_GAIN : effect, 1};
                 }
             }
         }

@@ -447,7 +447,11 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
         PM_TRY_DONE(descend(s, alternatives));
         PM_TRY_DONE(decide(s, FOR_FINALISTS * how->budget));
         print_trials(s, comment);
-        if (how->loud) {
+        const struct trial *kept = &s->candidate[s->best].trial;
+        if (how->loud && kept->failed) {
+            printf("none of %d hypotheses leads to a model (%s): the file is a beginning to edit\n",
+                   s->ncandidate, kept->reason);
+        } else if (how->loud) {
             printf("%d hypotheses of %d choices were tried in %.0f s of CPU; %s\n", s->ncandidate,
                    space->count, s->used,
                    s->best == 0 ? "the first one is kept"
