@@ -38,6 +38,7 @@ struct pm_control {
     char owner[NAME], record[NAME];
     int64_t owner_id;      // the client that started it, which is not forgotten meanwhile
     bool active, stopping; // a run is under way; it ends after the steps that are granted
+    bool reloaded;         // the files are read again: the process that does so answers from now on
     int waiting;           // clients that wait
     int64_t asked;         // requests so far
     client client[CLIENTS];
@@ -219,9 +220,13 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         return begin(control, from, r);
     }
     if (r->kind == PORTMET_CONTROL_T_RELOAD) {
-        return control->active ? pm_fail(PM_EUSAGE, "run %lld of %s is under way: stop it first",
-                                         (long long)control->run.number, control->owner)
-                               : control->service.reload(control->service.context);
+        if (control->active) {
+            return pm_fail(PM_EUSAGE, "run %lld of %s is under way: stop it first",
+                           (long long)control->run.number, control->owner);
+        }
+        const pm_status status = control->service.reload(control->service.context);
+        control->reloaded = status == PM_OK;
+        return status;
     }
     if (!control->active) {
         return r->kind == PORTMET_CONTROL_T_STOP ? PM_OK
@@ -292,6 +297,9 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
         *from = (client){.id = r->client, .ticket = pm_lockstep_session(), .reply = UNANSWERED};
     }
     from->used = ++control->asked;
+    if (control->reloaded && r->nonce != from->nonce) {
+        return PM_DROP_RANGE;
+    }
     if (r->kind == PORTMET_CONTROL_T_QUERY) {
         const char *text = control->service.description;
         const size_t length = strlen(text), at = (size_t)r->page * PAGE_BYTES;
