@@ -16,6 +16,7 @@
 #define CONVECTION_POWER 0.33 // power of a difference of temperatures with which a fit begins
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
+#define BENDS 3 // bends of a function of one variable, each of which has a place and a width
 
 bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
     return v->column[c].part == part && v->column[c].kind == kind;
@@ -140,6 +141,26 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     fprintf(w->model, "      - \"inverse_%s*%.6g*ln(%.6g/%s)\"\n", T, T0, T0, T);
 }
 
+// Writes the co-energy of what an inductance or a capacity adds that depends on the co-energy
+// itself: it is positive, grows outside the data, and has bells of learned places and widths.
+static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double inertia) {
+    const char *name = y->name;
+    const double d = fmax(fabs(y->least), fabs(y->largest));
+    pm_logger_constant(w, "more", name, SMALL * inertia, true);
+    fprintf(w->model, "      - \"more_%s*%s^4/%.4g\"\n", name, name, 4 * 3 * d * d);
+    for (int k = 0; k < BENDS; ++k) {
+        char numbered[PM_LOGGER_TEXT];
+        snprintf(numbered, sizeof numbered, "%.40s_%d", name, k + 1);
+        const char *n = numbered;
+        pm_logger_constant(w, "bell", n, SMALL * inertia, true);
+        pm_logger_constant(w, "place", n, y->mean + (k - BENDS / 2) * y->deviation, false);
+        pm_logger_constant(w, "width", n, y->deviation, true);
+        fprintf(w->model,
+                "      - \"bell_%s*width_%s*(sqrt((%s - place_%s)^2 + width_%s^2) - width_%s)\"\n",
+                n, n, name, n, n, n);
+    }
+}
+
 // Writes C: the co-energy of velocities, temperatures and the like.
 void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     const bool bends = w->chosen[PM_LOGGER_CAPACITY] == LEARNED_CAPACITY;
@@ -171,12 +192,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
             } else if (bends && y->mate < 0) {
-                pm_logger_constant(w, "more", y->name, SMALL * own, true);
-                pm_logger_constant(w, "less", y->name, SMALL * own, true);
-                const double d = fmax(fabs(y->least), fabs(y->largest));
-                fprintf(w->model,
-                        "      - \"more_%s*%s^4/%.4g + less_%s*(sqrt(1 + %s^2/%.4g) - 1)*%.4g\"\n",
-                        y->name, y->name, 4 * 3 * d * d, y->name, y->name, d * d / 4, d * d / 4);
+                write_bends(w, y, own);
             }
         }
     }
@@ -337,6 +353,24 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
     fprintf(w->model, ")*%s/%s\"]", dy, dx);
 }
 
+// Writes a positive factor that depends on the variable x: an exponential of bends with learned
+// places and widths. It begins with 1.
+static void write_factor(pm_logger_writer *w, const char *name, const char *x, double mean,
+                         double deviation) {
+    fputs("*exp(", w->model);
+    for (int k = 0; k < BENDS; ++k) {
+        char numbered[PM_LOGGER_TEXT];
+        snprintf(numbered, sizeof numbered, "%.40s_%d", name, k + 1);
+        const char *n = numbered;
+        pm_logger_constant(w, "bend", n, 0, false);
+        pm_logger_constant(w, "middle", n, mean + (k - BENDS / 2) * deviation, false);
+        pm_logger_constant(w, "range", n, deviation, true);
+        fprintf(w->model, "%sbend_%s*(%s - middle_%s)/sqrt((%s - middle_%s)^2 + range_%s^2)",
+                k > 0 ? " + " : "", n, x, n, x, n, n);
+    }
+    fputs(")", w->model);
+}
+
 // Writes friction and resistance of one co-energy.
 void pm_logger_write_friction(pm_logger_writer *w, int c) {
     const pm_logger_column *y = &w->v->column[c];
@@ -355,7 +389,13 @@ void pm_logger_write_friction(pm_logger_writer *w, int c) {
         pm_logger_constant(w, "width", name, dry, true); // of the step at rest
         fprintf(w->model, " + dry_%s*%.4g/sqrt(a.%s^2 + width_%s^2)", name, d, name, name);
     }
-    fputs(")*b.dE.s\"]", w->model);
+    fputs(")", w->model);
+    if (law == DRY_FRICTION && y->mate < 0) {
+        char x[PM_LOGGER_TEXT];
+        snprintf(x, sizeof x, "a.%.40s", name);
+        write_factor(w, name, x, y->mean, y->deviation);
+    }
+    fputs("*b.dE.s\"]", w->model);
 }
 
 // Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
