@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -294,4 +295,52 @@ const char *pm_unit_symbol(const pm_unit *unit) {
         }
     }
     return NULL;
+}
+
+bool pm_unit_name(const pm_unit *unit, char *text) {
+    static const char *const base[PM_UNIT_BASES] = {"kg", "m", "s", "A", "K", "mol"};
+    const char *short_name = pm_unit_symbol(unit);
+    if (short_name != NULL) {
+        snprintf(text, PM_UNIT_NAME, "%s", short_name);
+        return true;
+    }
+    if (!unit->known || unit->factor < 1 || unit->factor > 1) {
+        return false;
+    }
+    const pm_unit kelvin = pm_unit_parse("K"), times_kelvin = pm_unit_product(unit, &kelvin);
+    const char *over_kelvin = pm_unit_symbol(&times_kelvin);
+    if (unit->power[PM_UNIT_K] == -1 && over_kelvin != NULL) {
+        snprintf(text, PM_UNIT_NAME, "%s/K", over_kelvin);
+        return true;
+    }
+    int written = 0, below = 0;
+    for (int i = 0; i < PM_UNIT_BASES; ++i) {
+        below += unit->power[i] < 0;
+        if (abs(unit->power[i]) > 99) {
+            return false;
+        }
+    }
+    for (int side = 1; side >= -1; side -= 2) {
+        const int begun = written;
+        for (int i = 0; i < PM_UNIT_BASES; ++i) {
+            const int power = side * unit->power[i];
+            if (power > 0) {
+                const bool first = written == begun;
+                written += snprintf(text + written, PM_UNIT_NAME - (size_t)written,
+                                    power > 1 ? "%s%s%s^%d" : "%s%s%s",
+                                    side > 0 || !first ? ""
+                                    : begun == 0       ? "1/"
+                                                       : "/",
+                                    !first                  ? " "
+                                    : side < 0 && below > 1 ? "("
+                                                            : "",
+                                    base[i], power);
+            }
+        }
+    }
+    snprintf(text + written, PM_UNIT_NAME - (size_t)written, "%s",
+             written == 0 ? "1"
+             : below > 1  ? ")"
+                          : "");
+    return true;
 }

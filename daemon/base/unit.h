@@ -37,4 +37,10 @@ bool pm_unit_conversion(const char *text, const pm_unit *to, double *factor, dou
 // Returns the symbol of the unit that `unit` equals, or NULL. There is none for numbers and 1/s.
 const char *pm_unit_symbol(const pm_unit *unit);
 
+// Writes the name of the unit to `text` [PM_UNIT_NAME]: its symbol, or the product of base units,
+// such as "kg m/s" or "1/s". Returns false, and writes nothing, if the unit is unknown, or is a
+// multiple of base units that has no symbol.
+enum { PM_UNIT_NAME = 64 };
+bool pm_unit_name(const pm_unit *unit, char *text);
+
 #endif

@@ -1,12 +1,15 @@
 // Writes a scene as an FMU: fills in its texts (folder text) in a temporary folder, compiles the
 // sources there, and packs all of it. States are outputs, values that follow a column or are live
-// are inputs, other prescribed values are parameters, and energies, entropies and fluxes are
-// outputs. Every port is a terminal.
+// are inputs, other prescribed values are parameters, and energies, entropies, fluxes, co-energies
+// and the reactions that the outside feels are outputs. Every port is a terminal, and so is the
+// outside: there each co-energy that it prescribes stands beside the reaction to it.
 #include "export/fmu.h"
 
 #include <errno.h>
+#include <float.h>
 #include <inttypes.h>
 #include <limits.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/utsname.h>
@@ -19,6 +22,7 @@
 #include "export/archive.h"
 #include "export/source.h"
 #include "library/names.h"
+#include "model/training_range.h"
 
 // The texts, which the build embeds as arrays of lines that end with NULL. Those of fmi hold no
 // keys.
@@ -49,7 +53,7 @@ enum { NFILE = sizeof files / sizeof files[0] };
 #define OUT_OF_MEMORY "an FMU" // what there was no memory for
 #define ABILITIES                                                  \
     "canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" " \
-    "providesDirectionalDerivatives=\"true\""
+    "providesDirectionalDerivatives=\"true\" providesAdjointDerivatives=\"true\""
 
 static const char *const fluxes[4] = {"energy_flux_a", "entropy_flux_a", "energy_flux_b",
                                       "entropy_flux_b"};
@@ -57,7 +61,7 @@ static const char *const fluxes[4] = {"energy_flux_a", "entropy_flux_a", "energy
 // The value references of an FMU (fmi/fmi3.c). Each member is the reference of the first variable
 // of its kind; the others follow it. The reference 0 is the time.
 typedef struct fmu_references {
-    int state, derivative, input, energy, entropy, flux, end;
+    int state, derivative, input, energy, entropy, flux, slope, reaction, departure, end;
 } fmu_references;
 
 typedef struct fmu_writer {
@@ -66,9 +70,8 @@ typedef struct fmu_writer {
     pm_arena *arena;
     fmu_references reference;
     pm_scene_variables names;
-    const char **rate_unit; // [nz] of the derivatives of the states
-    double *first;          // [nprescribed] values of the boundary inputs at the start
-    const char *folder;     // temporary
+    double *first;      // [nprescribed] values of the boundary inputs at the start
+    const char *folder; // temporary
     pm_archive archive;
 } fmu_writer;
 
@@ -96,76 +99,78 @@ static void put_text(FILE *file, const char *text) {
     }
 }
 
-// Reads a unit X, or one of the forms that library/names.c and this file give to units of
-// derivatives: "(X)/s", "J/(X)" and "J/K/(X)".
-static pm_unit read_unit(const char *name, pm_arena *arena) {
-    const char *open = strchr(name, '('), *close = strrchr(name, ')');
-    if (open == NULL || close == NULL || (open != name && strncmp(name, "J/", 2) != 0)) {
-        return pm_unit_parse(name);
+// Returns a unit as Modelica writes it: "kg.m2/s" for "kg m^2/s".
+static const char *modelica(const fmu_writer *w, const char *unit) {
+    char *text = pm_arena_strdup(w->arena, unit);
+    char *to = text;
+    for (const char *from = unit; text != NULL && *from != '\0'; ++from) {
+        if (*from != '^') {
+            *to++ = *from == ' ' || *from == '*' ? '.' : *from;
+        }
     }
-    const char *inner = pm_arena_printf(arena, "%.*s", (int)(close - open - 1), open + 1);
-    pm_unit unit = pm_unit_parse(inner == NULL ? "?" : inner);
-    if (open == name) {
-        --unit.power[PM_UNIT_S];
-        return unit;
+    if (text != NULL) {
+        *to = '\0';
     }
-    const pm_unit joule = pm_unit_parse(strncmp(name, "J/K/", 4) == 0 ? "J/K" : "J");
-    for (int i = 0; i < PM_UNIT_BASES; ++i) {
-        unit.power[i] = joule.power[i] - unit.power[i];
-    }
-    unit.factor = 1 / unit.factor;
-    return unit;
+    return text == NULL ? "" : text;
 }
 
-// Writes each unit once: our own, those of the states, of their rates and of the inputs.
+// Writes each unit once.
 static void write_units(FILE *file, const void *context) {
-    static const char *const ours[] = {"s", "J", "J/K", "W", "W/K"};
+    static const char *const ours[] = {"s", "J", "J/K", "W", "W/K", "1"};
     static const char *const base[] = {"kg", "m", "s", "A", "K", "mol"};
     const fmu_writer *w = context;
-    const int nz = w->scene->physics.nz, most = 5 + 2 * nz + w->scene->physics.nprescribed;
+    const pm_physics *physics = &w->scene->physics;
+    const pm_scene_variables *v = &w->names;
+    const struct {
+        const char *const *unit;
+        int count;
+    } all[] = {{ours, 6},
+               {v->state.unit, physics->nz},
+               {v->rate.unit, physics->nz},
+               {v->slope[0].unit, physics->nz},
+               {v->slope[1].unit, physics->nz},
+               {v->input.unit, physics->nprescribed},
+               {v->reaction.unit, physics->nprescribed / 3}};
+    const int most = 6 + 4 * physics->nz + 2 * physics->nprescribed;
     const char **list = pm_arena_array(w->arena, (size_t)most, sizeof *list);
     int count = 0;
-    for (int i = 0; i < most && list != NULL; ++i) {
-        const int k = i - 5;
-        const char *unit = i < 5        ? ours[i]
-                           : k < nz     ? w->names.unit[k]
-                           : k < 2 * nz ? w->rate_unit[k - nz]
-                                        : w->names.input_unit[k - 2 * nz];
-        int same = 0;
-        while (same < count && strcmp(list[same], unit) != 0) {
-            ++same;
-        }
-        if (same < count) {
-            continue;
-        }
-        list[count++] = unit;
-        const pm_unit read = read_unit(unit, w->arena);
-        fputs("    <Unit name=\"", file);
-        put_text(file, unit);
-        if (!read.known) {
-            fputs("\"/>\n", file); // such as J^0.5: the standard knows whole powers only
-            continue;
-        }
-        fputs("\"><BaseUnit", file);
-        for (int b = 0; b < PM_UNIT_BASES; ++b) {
-            if (read.power[b] != 0) {
-                fprintf(file, " %s=\"%d\"", base[b], read.power[b]);
+    for (size_t k = 0; k < sizeof all / sizeof all[0] && list != NULL; ++k) {
+        for (int i = 0; i < all[k].count; ++i) {
+            const char *unit = all[k].unit[i];
+            int same = 0;
+            while (same < count && strcmp(list[same], unit) != 0) {
+                ++same;
             }
+            if (same < count) {
+                continue;
+            }
+            list[count++] = unit;
+            const pm_unit read = pm_unit_parse(unit);
+            fputs("    <Unit name=\"", file);
+            put_text(file, modelica(w, unit));
+            if (!read.known) {
+                fputs("\"/>\n", file); // such as J^0.5: the standard knows whole powers only
+                continue;
+            }
+            fputs("\"><BaseUnit", file);
+            for (int b = 0; b < PM_UNIT_BASES; ++b) {
+                if (read.power[b] != 0) {
+                    fprintf(file, " %s=\"%d\"", base[b], read.power[b]);
+                }
+            }
+            if (read.factor < 1 || read.factor > 1) {
+                fprintf(file, " factor=\"%.17g\"", read.factor);
+            }
+            fputs("/></Unit>\n", file);
         }
-        if (read.factor < 1 || read.factor > 1) {
-            fprintf(file, " factor=\"%.17g\"", read.factor);
-        }
-        fputs("/></Unit>\n", file);
     }
 }
 
 // --- variables ---
 
-// Writes the beginning of a variable. In the standard's structured names a part between two dots
-// that is no identifier, such as dE/dp, stands in quotes.
-static void write_variable(FILE *file, const char *name, int reference, const char *attributes,
-                           const char *unit) {
-    fputs("    <Float64 name=\"", file);
+// Writes a name. In the standard's structured names a part between two dots that is no identifier,
+// such as dE/dp, stands in quotes.
+static void put_name(FILE *file, const char *name) {
     for (const char *part = name; part != NULL;) {
         const char *dot = strchr(part, '.');
         const int whole = dot == NULL ? (int)strlen(part) : (int)(dot - part);
@@ -175,90 +180,311 @@ static void write_variable(FILE *file, const char *name, int reference, const ch
                 dot == NULL ? "" : ".");
         part = dot == NULL ? NULL : dot + 1;
     }
-    fprintf(file, "\" valueReference=\"%d\" %s unit=\"", reference, attributes);
-    put_text(file, unit);
+}
+
+// The kinds of variables.
+enum { EXACT, CALCULATED, LOCAL, INPUT, PARAMETER };
+
+// Writes the beginning of a variable.
+static void write_variable(FILE *file, const fmu_writer *w, const char *name, int reference,
+                           int kind, const char *unit) {
+    static const char *const attributes[] = {
+        "causality=\"output\" variability=\"continuous\" initial=\"exact\" "
+        "intermediateUpdate=\"true\"",
+        "causality=\"output\" variability=\"continuous\" initial=\"calculated\" "
+        "intermediateUpdate=\"true\"",
+        "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
+        "causality=\"input\" variability=\"continuous\" intermediateUpdate=\"true\"",
+        "causality=\"parameter\" variability=\"tunable\""};
+    fputs("    <Float64 name=\"", file);
+    put_name(file, name);
+    fprintf(file, "\" valueReference=\"%d\" %s unit=\"", reference, attributes[kind]);
+    put_text(file, modelica(w, unit));
     fputs("\"", file);
 }
 
-// Writes the variables: states and their derivatives; inputs; energies, entropies and fluxes.
-static void write_variables(FILE *file, const void *context) {
-    static const char output[] =
-        "causality=\"output\" variability=\"continuous\" initial=\"calculated\"";
+// Returns how large the states of a group are in training; 1 if that is not known.
+static double nominal_of(pm_training_range range, int group) {
+    const double most =
+        range.low == NULL ? 0 : fmax(fabs(range.low[group]), fabs(range.high[group]));
+    return most > 0 && most < DBL_MAX ? most : 1;
+}
+
+// Writes the sizes of all states, or their variables.
+static void write_nominals(FILE *file, const void *context) {
     const fmu_writer *w = context;
-    const pm_physics *physics = &w->scene->physics;
-    const fmu_references *r = &w->reference;
-    for (int i = 0; i < physics->nz; ++i) {
-        write_variable(file, w->names.name[i], r->state + i,
-                       "causality=\"output\" variability=\"continuous\" initial=\"exact\"",
-                       w->names.unit[i]);
-        fprintf(file, " start=\"%.17g\"/>\n", w->setup->initial[i]);
-    }
-    for (int i = 0; i < physics->nz; ++i) {
-        const char *name = pm_arena_printf(w->arena, "der(%s)", w->names.name[i]);
-        write_variable(file, name == NULL ? "" : name, r->derivative + i,
-                       "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
-                       w->rate_unit[i]);
-        fprintf(file, " derivative=\"%d\"/>\n", r->state + i);
-    }
-    // A value that follows a column or is live is an input; another one a parameter, unless it is
-    // zero, where the co-energies that nobody prescribes are.
-    for (int i = 0; i < physics->nprescribed; ++i) {
-        const pm_boundary_input *b = &w->setup->boundary_input;
-        const bool follows = b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
-        if (follows || w->first[i] != 0) {
-            write_variable(file, w->names.input_name[i], r->input + i,
-                           follows ? "causality=\"input\" variability=\"continuous\""
-                                   : "causality=\"parameter\" variability=\"tunable\"",
-                           w->names.input_unit[i]);
-            fprintf(file, " start=\"%.17g\"/>\n", w->first[i]);
+    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
+        const pm_layout *layout = &w->scene->physics.subsystem[i].layout;
+        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
+        for (int g = 0; g < layout->ngroup; ++g) {
+            for (int c = 0; c < layout->group[g].size; ++c) {
+                fprintf(file, "%s%.17g", i + g + c == 0 ? "" : ", ", nominal_of(range, g));
+            }
         }
-    }
-    for (int i = 0; i < 2 * physics->nsubsystem + 4 * physics->nport; ++i) {
-        const int k = i - 2 * physics->nsubsystem; // of all fluxes
-        const char *owner = k < 0 ? physics->subsystem[i / 2].name : physics->port[k / 4].name;
-        const char *what = k >= 0 ? fluxes[k % 4] : i % 2 == 0 ? "energy" : "entropy";
-        const char *unit = k >= 0 ? (k % 2 == 0 ? "W" : "W/K") : i % 2 == 0 ? "J" : "J/K";
-        const int reference = k >= 0       ? r->flux + k
-                              : i % 2 == 0 ? r->energy + i / 2
-                                           : r->entropy + i / 2;
-        const char *name = pm_arena_printf(w->arena, "%s.%s", owner, what);
-        write_variable(file, name == NULL ? "" : name, reference, output, unit);
-        fputs("/>\n", file);
     }
 }
 
-// Writes the references `first` to `end` - 1 as elements.
-static void write_references(FILE *file, const char *element, int first, int end) {
-    for (int i = first; i < end; ++i) {
-        fprintf(file, "    <%s valueReference=\"%d\"/>\n", element, i);
+static void write_states(FILE *file, const fmu_writer *w) {
+    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &w->scene->physics.subsystem[i];
+        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
+        for (int g = 0; g < s->layout.ngroup; ++g) {
+            const pm_group *group = &s->layout.group[g];
+            for (int c = 0; c < group->size; ++c) {
+                const int k = s->first + group->first + c;
+                write_variable(file, w, w->names.state.name[k], w->reference.state + k, EXACT,
+                               w->names.state.unit[k]);
+                fprintf(file, " start=\"%.17g\" nominal=\"%.17g\"", w->setup->initial[k],
+                        nominal_of(range, g));
+                if (range.low != NULL && range.low[g] <= range.high[g]) {
+                    fprintf(file, " description=\"%s from %.4g to %.4g in training\"",
+                            group->size > 1 ? "length of the vector" : "value", range.low[g],
+                            range.high[g]);
+                }
+                fputs("/>\n", file);
+            }
+        }
+    }
+}
+
+// Returns true if the value i of the boundary inputs is an input: it follows a column or is live.
+static bool is_input(const fmu_writer *w, int i) {
+    const pm_boundary_input *b = &w->setup->boundary_input;
+    return b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
+}
+
+// Returns the position of the subsystem that has the component c of the scene's state.
+static int owner_of(const pm_physics *physics, int c) {
+    int id = 0;
+    while (physics->subsystem[id].first + physics->subsystem[id].layout.nz <= c) {
+        ++id;
+    }
+    return id;
+}
+
+// Returns true if the co-energies of the component c of the scene's state are variables of their
+// own: those of a group that is shown by its co-energy are not.
+static bool has_slope(const pm_physics *physics, int c) {
+    const pm_scene_subsystem *s = &physics->subsystem[owner_of(physics, c)];
+    int g = 0;
+    while (g + 1 < s->layout.ngroup && s->layout.group[g + 1].first <= c - s->first) {
+        ++g;
+    }
+    return !s->layout.group[g].coenergy;
+}
+
+// Writes the variables in the order of their references.
+static void write_variables(FILE *file, const void *context) {
+    const fmu_writer *w = context;
+    const pm_physics *physics = &w->scene->physics;
+    const pm_scene_variables *v = &w->names;
+    const fmu_references *r = &w->reference;
+    write_states(file, w);
+    for (int i = 0; i < physics->nz; ++i) {
+        const char *name = pm_arena_printf(w->arena, "der(%s)", v->state.name[i]);
+        write_variable(file, w, name == NULL ? "" : name, r->derivative + i, LOCAL,
+                       v->rate.unit[i]);
+        fprintf(file, " derivative=\"%d\"/>\n", r->state + i);
+    }
+    // Another prescribed value is a parameter, unless it is zero, where the co-energies that nobody
+    // prescribes are.
+    for (int i = 0; i < physics->nprescribed; ++i) {
+        if (is_input(w, i) || w->first[i] != 0) {
+            write_variable(file, w, v->input.name[i], r->input + i,
+                           is_input(w, i) ? INPUT : PARAMETER, v->input.unit[i]);
+            fprintf(file, " start=\"%.17g\"/>\n", w->first[i]);
+        }
+    }
+    for (int i = 0; i < 2 * physics->nsubsystem; ++i) {
+        const bool first = i < physics->nsubsystem;
+        const char *name = pm_arena_printf(w->arena, first ? "%s.energy" : "%s.entropy",
+                                           physics->subsystem[i % physics->nsubsystem].name);
+        write_variable(file, w, name == NULL ? "" : name, r->energy + i, CALCULATED,
+                       first ? "J" : "J/K");
+        fputs("/>\n", file);
+    }
+    for (int i = 0; i < 4 * physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i / 4];
+        const char *name = pm_arena_printf(w->arena, "%s.%s", port->name, fluxes[i % 4]);
+        write_variable(file, w, name == NULL ? "" : name, r->flux + i, CALCULATED,
+                       i % 2 == 0 ? "W" : "W/K");
+        fprintf(file, " description=\"into %s\"/>\n",
+                pm_scene_end_name(w->scene, port, i % 4 >= 2));
+    }
+    for (int k = 0; k < 2; ++k) {
+        for (int c = 0; c < physics->nz; ++c) {
+            if (has_slope(physics, c)) {
+                write_variable(file, w, v->slope[k].name[c], r->slope + k * physics->nz + c,
+                               CALCULATED, v->slope[k].unit[c]);
+                fputs("/>\n", file);
+            }
+        }
+    }
+    for (int i = 0; i < physics->nprescribed / 3; ++i) {
+        write_variable(file, w, v->reaction.name[i], r->reaction + i, CALCULATED,
+                       v->reaction.unit[i]);
+        fputs(" description=\"rate that the ports give to the outside\"/>\n", file);
+    }
+    write_variable(file, w, "outside_training_range", r->departure, CALCULATED, "1");
+    fputs(" description=\"distance to the states of the training, in widths of their range\"/>\n",
+          file);
+}
+
+// --- structure ---
+
+// Marks in known [end] the states of a subsystem, or the prescribed values of a boundary input,
+// that a port shows at one end.
+static void mark_end(const fmu_writer *w, const pm_scene_port *port, int end, bool *known) {
+    const pm_physics *physics = &w->scene->physics;
+    if (port->subsystem[end] >= 0) {
+        const pm_scene_subsystem *s = &physics->subsystem[port->subsystem[end]];
+        memset(known + w->reference.state + s->first, true, (size_t)s->layout.nz * sizeof *known);
+        return;
+    }
+    const pm_scene_boundary_input *b = &physics->boundary_input[port->boundary_input[end]];
+    for (int i = b->first; i < b->first + 3 * b->layout.nz; ++i) {
+        known[w->reference.input + i] = is_input(w, i) || w->first[i] != 0;
+    }
+}
+
+// Marks in known [end] on which states, inputs and parameters the unknown depends.
+static void mark(const fmu_writer *w, int unknown, bool *known) {
+    const pm_physics *physics = &w->scene->physics;
+    const fmu_references *r = &w->reference;
+    int subsystem = -1, component = -1, outside = -1;
+    memset(known, 0, (size_t)r->end * sizeof *known);
+    if (unknown < r->derivative) {
+        known[unknown] = true;
+        return;
+    }
+    if (unknown == r->departure) {
+        memset(known + r->state, true, (size_t)physics->nz * sizeof *known);
+        return;
+    }
+    if (unknown >= r->reaction) {
+        outside = unknown - r->reaction;
+    } else if (unknown >= r->flux && unknown < r->slope) {
+        for (int end = 0; end < 2; ++end) {
+            mark_end(w, &physics->port[(unknown - r->flux) / 4], end, known);
+        }
+        return;
+    } else if (unknown >= r->energy && unknown < r->flux) {
+        subsystem = (unknown - r->energy) % physics->nsubsystem;
+    } else { // a rate, or a co-energy
+        component =
+            unknown < r->input ? unknown - r->derivative : (unknown - r->slope) % physics->nz;
+        subsystem = owner_of(physics, component);
+    }
+    if (subsystem >= 0) {
+        const pm_scene_subsystem *s = &physics->subsystem[subsystem];
+        memset(known + r->state + s->first, true, (size_t)s->layout.nz * sizeof *known);
+    }
+    // Ports act on rates and on the outside: on the variables that they expose, and through the
+    // inertia of co-energies on others of the subsystem.
+    for (int i = 0; i < physics->nport && (unknown < r->input || outside >= 0); ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        bool acts = false;
+        for (int end = 0; end < 2; ++end) {
+            const int b = port->boundary_input[end];
+            for (int c = 0; c < port->layout[end].nz; ++c) {
+                const int at = port->component[end][c];
+                acts = acts || (outside >= 0 && b >= 0 &&
+                                physics->boundary_input[b].first / 3 + at == outside);
+                acts = acts || (outside < 0 && port->subsystem[end] == subsystem &&
+                                (pm_part_has_coenergies(w->setup->system->part[subsystem]) ||
+                                 physics->subsystem[subsystem].first + at == component));
+            }
+        }
+        for (int end = 0; end < 2 && acts; ++end) {
+            mark_end(w, port, end, known);
+        }
+    }
+}
+
+// Writes the unknowns `first` to `end` - 1 as elements with what they depend on. Parameters count
+// at the start only.
+static void write_unknowns(FILE *file, const fmu_writer *w, const char *element, int first,
+                           int end) {
+    const fmu_references *r = &w->reference;
+    const pm_physics *physics = &w->scene->physics;
+    bool *known = pm_arena_array(w->arena, (size_t)r->end, sizeof *known);
+    for (int i = first; i < end && known != NULL; ++i) {
+        if (i >= r->slope && i < r->reaction && !has_slope(physics, (i - r->slope) % physics->nz)) {
+            continue;
+        }
+        mark(w, i, known);
+        fprintf(file, "    <%s valueReference=\"%d\" dependencies=\"", element, i);
+        const char *blank = "";
+        for (int k = r->state; k < r->energy; ++k) {
+            const bool parameter = k >= r->input && !is_input(w, k - r->input);
+            if (known[k] && (!parameter || strcmp(element, "InitialUnknown") == 0)) {
+                fprintf(file, "%s%d", blank, k);
+                blank = " ";
+            }
+        }
+        fputs("\"/>\n", file);
     }
 }
 
 static void write_structure(FILE *file, const void *context) {
-    const fmu_references *r = context;
-    write_references(file, "Output", r->state, r->derivative);
-    write_references(file, "Output", r->energy, r->end);
-    write_references(file, "ContinuousStateDerivative", r->derivative, r->input);
-    write_references(file, "InitialUnknown", r->derivative, r->input);
-    write_references(file, "InitialUnknown", r->energy, r->end);
+    const fmu_writer *w = context;
+    const fmu_references *r = &w->reference;
+    write_unknowns(file, w, "Output", r->state, r->derivative);
+    write_unknowns(file, w, "Output", r->energy, r->end);
+    write_unknowns(file, w, "ContinuousStateDerivative", r->derivative, r->input);
+    write_unknowns(file, w, "InitialUnknown", r->derivative, r->input);
+    write_unknowns(file, w, "InitialUnknown", r->energy, r->end);
 }
 
+static void write_member(FILE *file, const char *name, const char *member, const char *kind) {
+    fputs("      <TerminalMemberVariable variableName=\"", file);
+    put_name(file, name);
+    fprintf(file, "\" memberName=\"%s\" variableKind=\"%s\"/>\n", member, kind);
+}
+
+// Writes a terminal for each port, with its fluxes, and for each boundary input whose co-energies
+// are inputs, with pairs: the effort that the outside prescribes, and the flow that it receives.
 static void write_terminals(FILE *file, const void *context) {
-    const pm_scene *scene = context;
-    for (int i = 0; i < scene->physics.nport; ++i) {
-        const pm_scene_port *port = &scene->physics.port[i];
+    const fmu_writer *w = context;
+    const pm_physics *physics = &w->scene->physics;
+    for (int i = 0; i < physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i];
         fprintf(file,
                 "    <Terminal name=\"%s\" matchingRule=\"bus\" terminalKind=\"portmet.%s\" "
                 "description=\"a: %s, b: %s\">\n",
-                port->name, port->law, pm_scene_end_name(scene, port, 0),
-                pm_scene_end_name(scene, port, 1));
+                port->name, port->law, pm_scene_end_name(w->scene, port, 0),
+                pm_scene_end_name(w->scene, port, 1));
         for (int k = 0; k < 4; ++k) {
-            fprintf(file,
-                    "      <TerminalMemberVariable variableName=\"%s.%s\" memberName=\"%s\" "
-                    "variableKind=\"signal\"/>\n",
-                    port->name, fluxes[k], fluxes[k]);
+            const char *name = pm_arena_printf(w->arena, "%s.%s", port->name, fluxes[k]);
+            write_member(file, name == NULL ? "" : name, fluxes[k], "signal");
         }
         fputs("    </Terminal>\n", file);
+    }
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *b = &physics->boundary_input[i];
+        bool open = false;
+        for (int c = 0; c < b->layout.nz; ++c) {
+            const int effort = b->first + b->layout.nz + c, flow = b->first / 3 + c;
+            if (!is_input(w, effort)) {
+                continue;
+            }
+            if (!open) {
+                fprintf(file,
+                        "    <Terminal name=\"%s\" matchingRule=\"plug\" "
+                        "terminalKind=\"portmet.outside\" description=\"efforts of the outside, "
+                        "and flows into it\">\n",
+                        b->name);
+                open = true;
+            }
+            char member[32];
+            snprintf(member, sizeof member, "effort%d", c);
+            write_member(file, w->names.input.name[effort], member, "signal");
+            snprintf(member, sizeof member, "flow%d", c);
+            write_member(file, w->names.reaction.name[flow], member, "outflow");
+        }
+        if (open) {
+            fputs("    </Terminal>\n", file);
+        }
     }
 }
 
@@ -299,9 +525,10 @@ static pm_status pack_all(fmu_writer *w) {
         {"%STOP%", .text = pm_arena_printf(w->arena, "%.17g", physics->dt * w->scene->run.steps)},
         {"%UNITS%", .write = write_units, .context = w},
         {"%VARIABLES%", .write = write_variables, .context = w},
-        {"%STRUCTURE%", .write = write_structure, .context = &w->reference},
+        {"%STRUCTURE%", .write = write_structure, .context = w},
+        {"%NOMINALS%", .write = write_nominals, .context = w},
         {"%IF_PORTS%", .text = physics->nport > 0 ? "" : NULL},
-        {"%TERMINALS%", .write = write_terminals, .context = w->scene},
+        {"%TERMINALS%", .write = write_terminals, .context = w},
     };
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));
     for (int i = 0; i < 2; ++i) {
@@ -382,14 +609,13 @@ static pm_status open_writer(fmu_writer *w) {
     r->energy = r->input + physics->nprescribed;
     r->entropy = r->energy + physics->nsubsystem;
     r->flux = r->entropy + physics->nsubsystem;
-    r->end = r->flux + 4 * physics->nport;
+    r->slope = r->flux + 4 * physics->nport;
+    r->reaction = r->slope + 2 * physics->nz;
+    r->departure = r->reaction + physics->nprescribed / 3;
+    r->end = r->departure + 1;
     PM_TRY(pm_scene_variable_names(&w->names, w->scene, w->arena));
     w->first = pm_arena_array(w->arena, (size_t)physics->nprescribed, sizeof *w->first);
-    w->rate_unit = pm_arena_array(w->arena, (size_t)physics->nz, sizeof *w->rate_unit);
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));
-    for (int i = 0; i < physics->nz; ++i) {
-        w->rate_unit[i] = pm_arena_printf(w->arena, "(%s)/s", w->names.unit[i]);
-    }
     if (physics->nprescribed > 0) {
         pm_boundary_input_at(&w->setup->boundary_input, 0, 0, w->first);
     }

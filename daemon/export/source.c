@@ -18,6 +18,7 @@
 #include "graph/source.h"
 #include "library/names.h"
 #include "model/prediction.h"
+#include "model/training_range.h"
 
 #define MOST_ARGUMENTS 6
 
@@ -448,6 +449,40 @@ static void write_outputs(FILE *file, const void *context) {
             }
         }
     }
+    // What all ports do to the outside.
+    for (int id = 0; id < physics->nboundary_input; ++id) {
+        const pm_scene_boundary_input *b = &physics->boundary_input[id];
+        fprintf(file, "    memset(%sreaction + %d, 0, %d * sizeof *z);\n", s->d, b->first / 3,
+                b->layout.nz);
+        for (int i = 0; i < physics->nport; ++i) {
+            const pm_scene_port *port = &physics->port[i];
+            int at = w->port[i].first;
+            for (int end = 0; end < 2; at += port->layout[end].nz, ++end) {
+                const bool here = port->boundary_input[end] == id && w->port[i].law != NULL;
+                for (int c = 0; c < port->layout[end].nz && here; ++c) {
+                    fprintf(file, "    %sreaction[%d] += %sport[%d];\n", s->d,
+                            b->first / 3 + port->component[end][c], s->d, at + c);
+                }
+            }
+        }
+    }
+}
+
+// Writes the range of each group of each subsystem in training, and a row that ends the list.
+static void write_ranges(FILE *file, const void *context) {
+    const scene_writer *w = context;
+    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
+        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
+        for (int g = 0; range.low != NULL && g < range.layout->ngroup; ++g) {
+            fprintf(file, "    {%d, %d, ",
+                    w->scene->physics.subsystem[i].first + range.layout->group[g].first,
+                    range.layout->group[g].size);
+            pm_source_number(file, range.low[g]);
+            fputs(", ", file);
+            pm_source_number(file, range.high[g]);
+            fputs("},\n", file);
+        }
+    }
 }
 
 // Writes to = z + h sum_i weight_i k_i over the first n stages.
@@ -468,9 +503,17 @@ static void write_substep(FILE *file, const void *context) {
     const scene_writer *w = context;
     const pm_integrator *rk = w->scene->physics.integrator;
     for (int stage = 0; stage < rk->nstage; ++stage) {
+        double at = 0;
+        for (int i = 0; i < stage; ++i) {
+            at += rk->a[stage][i];
+        }
         if (stage > 0) {
             write_combination(file, stage, rk->a[stage], "next");
         }
+        fputs("        if (update != NULL) {\n            update(context, begin + h * (substep + ",
+              file);
+        pm_source_number(file, at);
+        fprintf(file, "), %d);\n        }\n", stage);
         fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port%s);\n",
                 stage == 0 ? "z" : "next", stage, w->inner ? ", inner" : "");
     }
@@ -504,9 +547,11 @@ static void write_list(FILE *file, const char *title, int count, const char *con
 static void write_meanings(FILE *file, const void *context) {
     const scene_writer *w = context;
     const pm_physics *physics = &w->scene->physics;
-    write_list(file, "z, the states", physics->nz, w->names.name, w->names.unit);
-    write_list(file, "u, the inputs", physics->nprescribed, w->names.input_name,
-               w->names.input_unit);
+    write_list(file, "z, the states", physics->nz, w->names.state.name, w->names.state.unit);
+    write_list(file, "u, the inputs", physics->nprescribed, w->names.input.name,
+               w->names.input.unit);
+    write_list(file, "reaction, the rates that the ports give to the outside",
+               physics->nprescribed / 3, w->names.reaction.name, w->names.reaction.unit);
     if (physics->nport > 0) {
         fputs("//\n// flux, four numbers for each port: energy in W and entropy in W/K into end a, "
               "then into end b:\n",
@@ -584,6 +629,8 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%INPUT_ROOM%", .text = number(&w, ninput > 0 ? ninput : 1)},
         {"%SUBSYSTEMS%", .text = number(&w, physics->nsubsystem)},
         {"%PORTS%", .text = number(&w, physics->nport)},
+        {"%FLUX_ROOM%", .text = number(&w, physics->nport > 0 ? 4 * physics->nport : 1)},
+        {"%REACTION_ROOM%", .text = number(&w, ninput > 0 ? ninput / 3 : 1)},
         {"%SUBSTEPS%", .text = number(&w, physics->substeps)},
         {"%METHOD%", .text = rk->name},
         {"%STEP%", .text = pm_arena_printf(&w.arena, "%.17g", physics->dt)},
@@ -596,6 +643,7 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%OUTPUTS%", .write = write_outputs, .context = &plain},
         {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
         {"%SUBSTEP%", .write = write_substep, .context = &w},
+        {"%RANGES%", .write = write_ranges, .context = &w},
         {"%INNER_RESULT%", .text = w.inner ? ", double *inner" : ""},
         {"%INNER_ARGUMENT%", .text = w.inner ? ", const double *inner" : ""},
         {"%INNER_ROOM%", .text = w.inner ? "inner[STATES], " : ""},

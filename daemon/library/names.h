@@ -5,12 +5,19 @@
 
 #include "scene/scene.h"
 
-// The names and units of all components of a scene's state, and of all numbers that its boundary
-// inputs prescribe. pm_scene_variable_names allocates the four arrays and their texts in an
-// arena, with which they are freed.
+// Names and their units.
+typedef struct pm_name_list {
+    const char **name, **unit; // [count]
+} pm_name_list;
+
+// The names and units of all numbers that a scene shows. The co-energies of a group that is shown
+// by its co-energy are those of its energy variable, which has no name of its own.
 typedef struct pm_scene_variables {
-    const char **name, **unit;             // [scene->nz] "upper.q[0]" and "m"
-    const char **input_name, **input_unit; // [scene->nprescribed] "hand.dE/df[0]" and "J/(m)"
+    pm_name_list state;    // [nz] "upper.q[0]" and "m"
+    pm_name_list rate;     // [nz] "upper.dq/dt[0]" and "m/s"
+    pm_name_list slope[2]; // [nz] "upper.dE/dq[0]" and "N"; "upper.dS/ds[0]" and "1"
+    pm_name_list input;    // [nprescribed] "hand.f[0]", "hand.dE/df[0]" and "hand.dS/df[0]"
+    pm_name_list reaction; // [nprescribed / 3] "hand.df/dt[0]": what all ports do to the outside
 } pm_scene_variables;
 
 // Sets all names and units. The caller owns *variables, and the arena owns the arrays. PM_ENOMEM.

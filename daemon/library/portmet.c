@@ -199,9 +199,9 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
     case PORTMET_SUBSYSTEM:
         return index < (size_t)s->physics.nsubsystem ? s->physics.subsystem[index].name : NULL;
     case PORTMET_VARIABLE:
-        return name_of(v->name, s->physics.nz, index);
+        return name_of(v->state.name, s->physics.nz, index);
     case PORTMET_VARIABLE_UNIT:
-        return name_of(v->unit, s->physics.nz, index);
+        return name_of(v->state.unit, s->physics.nz, index);
     case PORTMET_PORT:
     case PORTMET_PORT_A:
     case PORTMET_PORT_B:
@@ -210,9 +210,9 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
                    ? s->physics.port[index].name
                    : pm_scene_end_name(s, &s->physics.port[index], kind == PORTMET_PORT_B);
     case PORTMET_INPUT:
-        return name_of(v->input_name, s->physics.nprescribed, index);
+        return name_of(v->input.name, s->physics.nprescribed, index);
     case PORTMET_INPUT_UNIT:
-        return name_of(v->input_unit, s->physics.nprescribed, index);
+        return name_of(v->input.unit, s->physics.nprescribed, index);
     case PORTMET_REFERENCE:
         return name_of(&s->run.reference, 1, index);
     case PORTMET_SCENE:

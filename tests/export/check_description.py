@@ -10,9 +10,12 @@ import xml.etree.ElementTree as tree
 
 ORDER = ["ModelExchange", "CoSimulation", "UnitDefinitions", "DefaultExperiment", "ModelVariables",
          "ModelStructure"]
-INTERFACE = {"modelIdentifier", "canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives"}
-CO_SIMULATION = {"canHandleVariableCommunicationStepSize", "fixedInternalStepSize", "hasEventMode"}
-VARIABLE = {"name", "valueReference", "causality", "variability", "initial", "unit", "start", "derivative"}
+INTERFACE = {"modelIdentifier", "canGetAndSetFMUState", "canSerializeFMUState", "providesDirectionalDerivatives",
+             "providesAdjointDerivatives"}
+CO_SIMULATION = {"canHandleVariableCommunicationStepSize", "fixedInternalStepSize", "hasEventMode",
+                 "providesIntermediateUpdate"}
+VARIABLE = {"name", "valueReference", "causality", "variability", "initial", "unit", "start", "derivative",
+            "nominal", "description", "intermediateUpdate"}
 POWERS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset"}
 
 # Structured names (FMI 3.0, 2.4.7.5.1).
@@ -76,6 +79,13 @@ def check_structure(structure, references):
               "InitialUnknown": [r for r, v in references.items() if v.get("initial") == "calculated"]}
     for tag, found in listed.items():
         assert sorted(found) == sorted(wanted[tag]), tag
+    # What an unknown may depend on (2.4.8): states and inputs, and parameters at the start.
+    known = {r for r, v in references.items() if v.get("initial") == "exact" or v.get("causality") == "input"}
+    parameters = {r for r, v in references.items() if v.get("causality") == "parameter"}
+    for e in structure:
+        on = e.get("dependencies").split()
+        assert on == sorted(set(on), key=int), on
+        assert set(on) <= known | (parameters if e.tag == "InitialUnknown" else set()), on
 
 
 def check(folder):
@@ -106,8 +116,9 @@ def check(folder):
     members = list(terminals.iter("TerminalMemberVariable"))
     assert members and all(m.get("variableName") in known for m in members)
     unit = {u.get("name"): (u.find("BaseUnit").attrib if u.find("BaseUnit") is not None else None) for u in units}
-    if "J/(kg m/s)" in unit:  # a velocity
-        assert unit["J/(kg m/s)"] == {"m": "1", "s": "-1"}, unit["J/(kg m/s)"]
+    if "kg.m/s" in unit:
+        assert unit["m/s"] == {"m": "1", "s": "-1"}, unit["m/s"]  # a velocity, from J by kg m/s
+    assert all(" " not in name and "^" not in name for name in unit), unit
     assert unit["W/K"] == {"kg": "1", "m": "2", "s": "-3", "K": "-1"}
 
 

@@ -36,61 +36,57 @@ static void compare(const char *what, long step, int n, const double *found,
     }
 }
 
-// The tangent against a central difference, whose error is that of rounding and of its step.
+// Compares derivatives with central differences, whose error is that of rounding and of their step.
+static void check_slopes(const char *what, long step, int n, const double *found,
+                         const double *before, const double *behind, double h, double least) {
+    double most = least;
+    for (int i = 0; i < n; ++i) {
+        most = fmax(most, fabs(found[i]));
+    }
+    for (int i = 0; i < n; ++i) {
+        const double slope = (behind[i] - before[i]) / (2 * h);
+        if (!(fabs(slope - found[i]) < 1e-5 * most)) {
+            fail(what, step, i, found[i], slope);
+        }
+    }
+}
+
 static void check_tangent(const NAME *s) {
     const double h = 1e-6;
-    double dz[STATES], du[INPUTS + 1], z[STATES], u[INPUTS + 1], scale = 0;
-    double d_rate[STATES], d_energy[SUBSYSTEMS], d_entropy[SUBSYSTEMS], d_flux[FLUXES + 1];
-    double rate[2][STATES], energy[2][SUBSYSTEMS], entropy[2][SUBSYSTEMS], flux[2][FLUXES + 1];
+    double dz[STATES], du[INPUTS + 1], z[STATES], u[INPUTS + 1];
+    MEMBER(_results) d, side[2];
     for (int i = 0; i < STATES; ++i) {
         dz[i] = sin(1.0 + i);
     }
     for (int i = 0; i < INPUTS; ++i) {
         du[i] = s->u[i] != 0 ? cos(1.0 + i) : 0; // a dS that is zero may have no derivative
     }
-    MEMBER(_tangent)(s->z, dz, s->u, du, d_rate, d_energy, d_entropy, d_flux);
-    for (int side = 0; side < 2; ++side) {
-        const double step = side == 0 ? -h : h;
+    MEMBER(_tangent)(s->z, dz, s->u, du, &d);
+    for (int k = 0; k < 2; ++k) {
+        const double step = k == 0 ? -h : h;
         for (int i = 0; i < STATES; ++i) {
             z[i] = s->z[i] + step * dz[i];
         }
         for (int i = 0; i < INPUTS; ++i) {
             u[i] = s->u[i] + step * du[i];
         }
-        MEMBER(_rates)(z, u, rate[side]);
-        MEMBER(_outputs)(z, u, energy[side], entropy[side], flux[side]);
+        MEMBER(_outputs)(z, u, &side[k]);
     }
-    for (int i = 0; i < STATES; ++i) {
-        scale = fmax(scale, fabs(d_rate[i]));
-    }
-    for (int i = 0; i < STATES; ++i) {
-        const double slope = (rate[1][i] - rate[0][i]) / (2 * h);
-        if (!(fabs(slope - d_rate[i]) < 1e-5 * scale)) {
-            fail("tangent of rate", s->step, i, d_rate[i], slope);
-        }
-    }
-    for (int i = 0; i < SUBSYSTEMS; ++i) {
-        const double slope = (energy[1][i] - energy[0][i]) / (2 * h);
-        if (!(fabs(slope - d_energy[i]) < 1e-5 * fmax(1, fabs(slope)))) {
-            fail("tangent of energy", s->step, i, d_energy[i], slope);
-        }
-    }
-    double most = 1e-3;
-    for (int i = 0; i < FLUXES; i += 2) {
-        most = fmax(most, fabs(d_flux[i]));
-    }
-    for (int i = 0; i < FLUXES; i += 2) {
-        const double slope = (flux[1][i] - flux[0][i]) / (2 * h);
-        if (!(fabs(slope - d_flux[i]) < 1e-5 * most)) {
-            fail("tangent of flux", s->step, i, d_flux[i], slope);
-        }
-    }
+#define CHECK(member, n, least)                                                                  \
+    check_slopes("tangent of " #member, s->step, n, d.member, side[0].member, side[1].member, h, \
+                 least)
+    CHECK(rate, STATES, 0);
+    CHECK(energy, SUBSYSTEMS, 1);
+    CHECK(flux, FLUXES, 1e-3);
+    CHECK(dE, STATES, 1e-3);
+    CHECK(reaction, INPUTS / 3, 1e-3);
 }
 
 int main(int argc, char **argv) {
     portmet_scene *scene;
     NAME s;
-    double energy[SUBSYSTEMS], entropy[SUBSYSTEMS], flux[FLUXES + 1];
+    MEMBER(_results) results;
+    double rate[STATES];
     if (argc != 3 || portmet_scene_open(&scene, argv[1], NULL) != PORTMET_OK) {
         printf("FAILED: %s\n", portmet_error());
         return 1;
@@ -99,10 +95,13 @@ int main(int argc, char **argv) {
     double *held = portmet_scene_inputs(scene, NULL);
     MEMBER(_init)(&s);
     for (long k = 0; k <= steps && failures == 0; ++k) {
-        MEMBER(_outputs)(s.z, s.u, energy, entropy, flux);
+        MEMBER(_outputs)(s.z, s.u, &results);
+        MEMBER(_rates)(s.z, s.u, rate);
+        compare("rate", k, STATES, results.rate, rate);
         compare("state", k, STATES, s.z, portmet_scene_array(scene, PORTMET_STATE, NULL));
-        compare("energy", k, SUBSYSTEMS, energy, portmet_scene_array(scene, PORTMET_ENERGY, NULL));
-        compare("entropy", k, SUBSYSTEMS, entropy,
+        compare("energy", k, SUBSYSTEMS, results.energy,
+                portmet_scene_array(scene, PORTMET_ENERGY, NULL));
+        compare("entropy", k, SUBSYSTEMS, results.entropy,
                 portmet_scene_array(scene, PORTMET_ENTROPY, NULL));
         if (k % 20 == 0) {
             check_tangent(&s);

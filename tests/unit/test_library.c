@@ -60,7 +60,7 @@ static void test_names(void **state) {
     assert_string_equal(portmet_scene_name(scene, PORTMET_PORT_A, 0), "left");
     assert_string_equal(portmet_scene_name(scene, PORTMET_PORT_B, 0), "hand");
     assert_string_equal(portmet_scene_name(scene, PORTMET_INPUT, 1), "hand.dE/df[0]");
-    assert_string_equal(portmet_scene_name(scene, PORTMET_INPUT_UNIT, 1), "J/(m)");
+    assert_string_equal(portmet_scene_name(scene, PORTMET_INPUT_UNIT, 1), "N");
     assert_null(portmet_scene_name(scene, PORTMET_REFERENCE, 0));
     assert_null(portmet_scene_name(scene, 1000, 0));
     assert_null(portmet_scene_array(scene, 1000, NULL));

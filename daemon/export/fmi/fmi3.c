@@ -1,6 +1,7 @@
 // An exported scene as an FMU, for Model Exchange and Co-Simulation (FMI 3.0.1). model.h names the
 // scene and says which value references its variables have: 0 is the time; then come the states,
-// their derivatives, the inputs, the energies, the entropies and the fluxes. All are Float64.
+// their derivatives, the inputs, the energies, the entropies, the fluxes, the co-energies dE and
+// dS, the reactions and the distance to the range of the training. All are Float64.
 #include "fmi3.h"
 
 #include <math.h>
@@ -29,7 +30,10 @@ enum {
     FIRST_ENERGY = FIRST_INPUT + INPUTS,
     FIRST_ENTROPY = FIRST_ENERGY + SUBSYSTEMS,
     FIRST_FLUX = FIRST_ENTROPY + SUBSYSTEMS,
-    END = FIRST_FLUX + FLUXES
+    FIRST_SLOPE = FIRST_FLUX + FLUXES,
+    FIRST_REACTION = FIRST_SLOPE + 2 * STATES,
+    DEPARTURE = FIRST_REACTION + INPUTS / 3,
+    END
 };
 
 typedef enum { INSTANTIATED, INITIALIZING, EVENT, CONTINUOUS, STEP, TERMINATED } phase;
@@ -41,14 +45,16 @@ typedef struct {
     phase phase;
 } contents;
 
-// Rates and outputs are computed when they are first asked for.
+// Results are computed when they are first asked for.
 typedef struct {
     contents now;
     bool known;
-    double rate[STATES], energy[SUBSYSTEMS], entropy[SUBSYSTEMS], flux[FLUXES + 1];
+    SCENE(_results) results;
+    double departure;
     bool co_simulation, events; // events: an importer enters event mode before the first step
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
+    fmi3IntermediateUpdateCallback update; // NULL: inputs hold over a step
 } instance;
 
 // --- messages ---
@@ -123,11 +129,10 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     (void)logging;
     (void)early_return;
     (void)intermediate;
-    (void)n;
-    (void)update;
     instance *m = make(token, environment, log);
     if (m != NULL) {
         m->co_simulation = true;
+        m->update = n > 0 ? update : NULL;
         m->events = event_mode;
     }
     return m;
@@ -228,12 +233,18 @@ fmi3Status fmi3Reset(fmi3Instance i) {
 
 // --- values ---
 
-static void evaluate(instance *m) {
-    if (!m->known) {
-        SCENE(_rates)(m->now.scene.z, m->now.scene.u, m->rate);
-        SCENE(_outputs)(m->now.scene.z, m->now.scene.u, m->energy, m->entropy, m->flux);
-        m->known = true;
-    }
+// Returns where the result of a reference is in `results`; NULL: it is no result.
+static double *result_of(SCENE(_results) * results, fmi3ValueReference r) {
+    return r < FIRST_DERIVATIVE       ? NULL
+           : r < FIRST_INPUT          ? &results->rate[r - FIRST_DERIVATIVE]
+           : r < FIRST_ENERGY         ? NULL
+           : r < FIRST_ENTROPY        ? &results->energy[r - FIRST_ENERGY]
+           : r < FIRST_FLUX           ? &results->entropy[r - FIRST_ENTROPY]
+           : r < FIRST_SLOPE          ? &results->flux[r - FIRST_FLUX]
+           : r < FIRST_SLOPE + STATES ? &results->dE[r - FIRST_SLOPE]
+           : r < FIRST_REACTION       ? &results->dS[r - FIRST_SLOPE - STATES]
+           : r < DEPARTURE            ? &results->reaction[r - FIRST_REACTION]
+                                      : NULL;
 }
 
 // Returns where the value of a reference is; NULL: there is no such reference.
@@ -247,14 +258,15 @@ static double *value_of(instance *m, fmi3ValueReference r) {
     if (r >= FIRST_INPUT && r < FIRST_ENERGY) {
         return &m->now.scene.u[r - FIRST_INPUT];
     }
-    if (r >= END) {
-        return NULL;
+    if (r == DEPARTURE) {
+        m->departure = SCENE(_departure)(m->now.scene.z);
+        return &m->departure;
     }
-    evaluate(m);
-    return r < FIRST_INPUT     ? &m->rate[r - FIRST_DERIVATIVE]
-           : r < FIRST_ENTROPY ? &m->energy[r - FIRST_ENERGY]
-           : r < FIRST_FLUX    ? &m->entropy[r - FIRST_ENTROPY]
-                               : &m->flux[r - FIRST_FLUX];
+    if (!m->known) {
+        SCENE(_outputs)(m->now.scene.z, m->now.scene.u, &m->results);
+        m->known = true;
+    }
+    return result_of(&m->results, r);
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n,
@@ -295,34 +307,77 @@ fmi3Status fmi3SetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n
     return fmi3OK;
 }
 
-fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
-                                        size_t nunknown, const fmi3ValueReference known[],
-                                        size_t nknown, const fmi3Float64 seed[], size_t nseed,
-                                        fmi3Float64 sensitivity[], size_t nsensitivity) {
-    instance *m = i;
-    double dz[STATES] = {0}, du[INPUTS + 1] = {0}, all[END] = {0};
-    if (m == NULL || nseed != nknown || nsensitivity != nunknown) {
-        return refuse(i, "fmi3GetDirectionalDerivative: every variable has one value");
-    }
+// Computes the derivatives of all results along the direction that has the entries `seed` at the
+// references `known`, each a state or an input. Returns false if one is neither.
+static bool differentiate(instance *m, size_t nknown, const fmi3ValueReference known[],
+                          const double seed[], double dz[], SCENE(_results) * d) {
+    double du[INPUTS + 1] = {0};
+    memset(dz, 0, STATES * sizeof *dz);
     for (size_t k = 0; k < nknown; ++k) {
         const fmi3ValueReference r = known[k];
         double *entry = r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE)
                         : r >= FIRST_INPUT && r < FIRST_ENERGY   ? du + (r - FIRST_INPUT)
                                                                  : NULL;
         if (entry == NULL) {
-            return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
+            return false;
         }
         *entry = seed[k];
     }
-    SCENE(_tangent)
-    (m->now.scene.z, dz, m->now.scene.u, du, all + FIRST_DERIVATIVE, all + FIRST_ENERGY,
-     all + FIRST_ENTROPY, all + FIRST_FLUX);
-    memcpy(all + FIRST_STATE, dz, sizeof dz);
+    SCENE(_tangent)(m->now.scene.z, dz, m->now.scene.u, du, d);
+    return true;
+}
+
+// Returns the derivative of a state or a result from what differentiate has computed; NULL: the
+// reference is neither.
+static const double *derivative_of(const double dz[], SCENE(_results) * d, fmi3ValueReference r) {
+    return r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE) : result_of(d, r);
+}
+
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
+                                        size_t nunknown, const fmi3ValueReference known[],
+                                        size_t nknown, const fmi3Float64 seed[], size_t nseed,
+                                        fmi3Float64 sensitivity[], size_t nsensitivity) {
+    double dz[STATES];
+    SCENE(_results) d;
+    if (i == NULL || nseed != nknown || nsensitivity != nunknown) {
+        return refuse(i, "fmi3GetDirectionalDerivative: every variable has one value");
+    }
+    if (!differentiate(i, nknown, known, seed, dz, &d)) {
+        return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
+    }
     for (size_t k = 0; k < nunknown; ++k) {
-        if (unknown[k] == 0 || unknown[k] >= END) {
-            return refuse(i, "fmi3GetDirectionalDerivative: unknown value reference");
+        const double *value = derivative_of(dz, &d, unknown[k]);
+        if (value == NULL) {
+            return refuse(i, "fmi3GetDirectionalDerivative: an unknown has no derivative");
         }
-        sensitivity[k] = all[unknown[k]];
+        sensitivity[k] = *value;
+    }
+    return fmi3OK;
+}
+
+// One direction after the other: each known has a derivative of all unknowns.
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
+                                    size_t nunknown, const fmi3ValueReference known[],
+                                    size_t nknown, const fmi3Float64 seed[], size_t nseed,
+                                    fmi3Float64 sensitivity[], size_t nsensitivity) {
+    double dz[STATES];
+    SCENE(_results) d;
+    if (i == NULL || nseed != nunknown || nsensitivity != nknown) {
+        return refuse(i, "fmi3GetAdjointDerivative: every variable has one value");
+    }
+    for (size_t j = 0; j < nknown; ++j) {
+        const double one = 1;
+        if (!differentiate(i, 1, known + j, &one, dz, &d)) {
+            return refuse(i, "fmi3GetAdjointDerivative: a known is neither state nor input");
+        }
+        sensitivity[j] = 0;
+        for (size_t k = 0; k < nunknown; ++k) {
+            const double *value = derivative_of(dz, &d, unknown[k]);
+            if (value == NULL) {
+                return refuse(i, "fmi3GetAdjointDerivative: an unknown has no derivative");
+            }
+            sensitivity[j] += seed[k] * *value;
+        }
     }
     return fmi3OK;
 }
@@ -363,8 +418,7 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance i, fmi3Float64 rate[],
     if (m == NULL || n != STATES) {
         return refuse(i, "fmi3GetContinuousStateDerivatives: the number of states is another");
     }
-    evaluate(m);
-    memcpy(rate, m->rate, sizeof m->rate);
+    SCENE(_rates)(m->now.scene.z, m->now.scene.u, rate);
     for (size_t k = 0; k < n; ++k) {
         if (!isfinite(rate[k])) {
             return fmi3Discard; // the importer takes a shorter step
@@ -374,11 +428,12 @@ fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance i, fmi3Float64 rate[],
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance i, fmi3Float64 nominal[], size_t n) {
+    static const double usual[] = {MODEL_NOMINALS};
     if (i == NULL || n != STATES) {
         return refuse(i, "fmi3GetNominalsOfContinuousStates: the number of states is another");
     }
     for (size_t k = 0; k < n; ++k) {
-        nominal[k] = 1;
+        nominal[k] = usual[k];
     }
     return fmi3OK;
 }
@@ -419,17 +474,29 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance i, fmi3Boolean *again, fmi3Bool
 
 // --- Co-Simulation ---
 
+// Lets the importer write the inputs at a time within a step. It may read where a substep begins.
+static void ask_importer(void *context, double time, int stage) {
+    instance *m = context;
+    bool wants_return = false;
+    double return_time = time;
+    m->known = false;
+    m->update(m->environment, time, true, stage == 0, stage == 0, false, &wants_return,
+              &return_time);
+}
+
 // Steps of the scene's length are those of the scene, bit by bit. Others are divided into substeps
 // that are no longer than its own.
 static void take_step(instance *m, double begin, double length) {
     const double steps = round(length / MODEL_DT);
-    if (steps >= 1 && fabs(length - steps * MODEL_DT) <= 1e-9 * length) {
-        for (double k = 0; k < steps; ++k) {
-            SCENE(_step)(&m->now.scene);
-        }
-    } else {
-        const double substeps = ceil(length / MODEL_DT * MODEL_SUBSTEPS);
-        SCENE(_advance)(&m->now.scene, length / substeps, (int)substeps);
+    const bool whole = steps >= 1 && fabs(length - steps * MODEL_DT) <= 1e-9 * length;
+    const double substeps = ceil(length / MODEL_DT * MODEL_SUBSTEPS);
+    SCENE(_update) *update = m->update == NULL ? NULL : ask_importer;
+    m->now.scene.time = begin;
+    for (double k = 0; k < steps && whole; ++k) {
+        SCENE(_drive)(&m->now.scene, MODEL_H, MODEL_SUBSTEPS, update, m);
+    }
+    if (!whole) {
+        SCENE(_drive)(&m->now.scene, length / substeps, (int)substeps, update, m);
     }
     m->now.scene.time = begin + length;
     m->known = false;

@@ -1,5 +1,5 @@
 // The functions of FMI 3.0 that an FMU must have although its variables are all of type Float64, it
-// has no clocks, no structural parameters and no adjoint derivatives. Part of fmi3.c.
+// has no clocks and no structural parameters. Part of fmi3.c.
 
 #define TYPE(NAME, T)                                                                             \
     fmi3Status fmi3Get##NAME(fmi3Instance i, const fmi3ValueReference r[], size_t n, T v[],       \
@@ -94,21 +94,6 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance i, const fmi3ValueReference r[]
     return n + m == 0 ? fmi3OK : refuse(i, "the FMU has no derivatives of outputs by time");
 }
 
-fmi3Status fmi3GetAdjointDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
-                                    size_t nunknown, const fmi3ValueReference known[],
-                                    size_t nknown, const fmi3Float64 seed[], size_t nseed,
-                                    fmi3Float64 sensitivity[], size_t nsensitivity) {
-    (void)unknown;
-    (void)nunknown;
-    (void)known;
-    (void)nknown;
-    (void)seed;
-    (void)nseed;
-    (void)sensitivity;
-    (void)nsensitivity;
-    return refuse(i, "the FMU has no adjoint derivatives");
-}
-
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance i) {
     return refuse(i, "the FMU has no structural parameters");
 }
@@ -120,7 +105,7 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance i) {
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance i, fmi3ValueReference r, size_t *n) {
     (void)r;
     *n = 0;
-    return refuse(i, "the FMU does not list dependencies: every unknown may depend on every known");
+    return refuse(i, "the dependencies stand in modelDescription.xml");
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance i, fmi3ValueReference r, size_t elements[],
@@ -132,5 +117,5 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance i, fmi3ValueReference r, siz
     (void)others;
     (void)kinds;
     (void)n;
-    return refuse(i, "the FMU does not list dependencies: every unknown may depend on every known");
+    return refuse(i, "the dependencies stand in modelDescription.xml");
 }
