@@ -38,6 +38,39 @@ fmu driven_lower 200 60
 [ "$(grep -c 'name="pivot[.].dE/dp.[[]..*causality="input"' "$folder/live/modelDescription.xml")" -eq 2 ] ||
     fail "live values are no inputs"
 
+# Two FMUs, each of one pendulum with the other one as its outside, are coupled by an importer.
+# cut NAME OTHER: the scene with NAME alone.
+cut() {
+    cat <<EOF
+scene: $1_alone
+time: {dt: 0.3, steps: 200, integrator: rk4, substeps: 16}
+subsystems:
+  $1:
+    weights: $PWD/configs/weights/double_pendulum/$1.h5
+    state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2}, s: {unit: J/K, size: 1}}
+    initial: {q: [0.0, 1.0], p: [0.0, 0.0], s: 0.0}
+live_inputs: {OTHER: {values: ["x[0:5]", "dE[0:5]"], wait: true}}
+boundary_inputs:
+  $2:
+    q: {unit: m, value: ["x[0:2]"], dE: ["dE[0:2]"]}
+    p: {unit: kg m/s, value: ["x[2:4]"], dE: ["dE[2:4]"]}
+    s: {unit: J/K, value: [x4], dE: [dE4], dS: [1]}
+ports:
+  joint:
+    law: bracket
+    between: [upper, lower]
+    expose: {upper: [q, p, s], lower: [q, p, s]}
+    weights: $PWD/configs/weights/double_pendulum/joint.h5
+EOF
+}
+for pair in "upper lower" "lower upper"; do
+    set -- $pair
+    cut "$1" "$2" >"$folder/$1.yaml"
+    "$portmetd" export "$folder/$1.yaml" -o "$folder/$1.fmu" --quiet || fail "$1 alone"
+    (mkdir "$folder/$1" && cd "$folder/$1" && cmake -E tar xf "../$1.fmu") || fail "$1.fmu is no archive"
+done
+python3 "$here/couple_fmus.py" "$folder/double_pendulum" "$folder/upper" "$folder/lower" || fail "coupled FMUs"
+
 # Without a compiler there are sources alone.
 CC=/nowhere "$portmetd" export configs/double_pendulum.yaml -o "$folder/plain.fmu" >"$folder/out" 2>&1
 grep -q "sources alone" "$folder/out" || fail "no compiler: $(cat "$folder/out")"
