@@ -20,6 +20,7 @@ typedef struct pm_run_options {
     const char *state;  // a dataset whose first state begins a run
     const char *inputs; // values of live inputs
     const char *hosts;  // of the processes, for `emit`
+    const char *fmi;    // version of the FMU that is written
     int64_t steps;      // number of steps of the run; 0: as the scene says
     int64_t session;    // number of the session to join or to open; 0: no session was given
     int64_t port, udp;  // numbers of ports; 0: not given

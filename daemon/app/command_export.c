@@ -1,6 +1,7 @@
 // portmetd export: turns a scene into C source or an FMU, for programs that know nothing of
 // portmet.
 #include <stdio.h>
+#include <string.h>
 
 #include "app/command.h"
 #include "app/prepare.h"
@@ -11,6 +12,10 @@ static pm_status execute(const pm_run_options *options) {
     const char *folder = options->c_folder, *output = options->output;
     pm_setup setup = {0};
     pm_status status;
+    const char *fmi = options->fmi == NULL ? "3" : options->fmi;
+    if (strcmp(fmi, "2") != 0 && strcmp(fmi, "3") != 0) {
+        return pm_fail(PM_EUSAGE, "--fmi: %s: expected 2 or 3", fmi);
+    }
     if (folder == NULL && output == NULL) {
         return pm_fail(PM_EUSAGE, "export: expected --c DIR, -o FILE.fmu, or both");
     }
@@ -24,7 +29,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     if (output != NULL) {
         bool compiled = false;
-        PM_TRY_DONE(pm_export_fmu(&setup, output, &compiled));
+        PM_TRY_DONE(pm_export_fmu(&setup, fmi[0] - '0', output, &compiled));
         if (!options->quiet) {
             printf("wrote %s, %s\n", output,
                    compiled ? "with sources and a binary for this machine"
@@ -42,11 +47,10 @@ const pm_command pm_command_export = {
     .arguments = "SCENE",
     .help =
         "Writes the scene for programs that know nothing of portmet: with --c as a header and a\n"
-        "source in C99 that need only libm and allocate nothing, with -o as an FMU (FMI 3.0, "
-        "Model\n"
-        "Exchange and Co-Simulation). Both step with the bits of `portmetd run --in-process`.\n"
-        "Boundary inputs become inputs that hold over a step. The integrator must be an explicit\n"
-        "one with fixed substeps.",
+        "source in C99 that need only libm and allocate nothing, with -o as an FMU for Model\n"
+        "Exchange and Co-Simulation (FMI 3.0, or 2.0 with --fmi 2). Both step with the bits of\n"
+        "`portmetd run --in-process`. Boundary inputs become inputs that hold over a step. The\n"
+        "integrator must be an explicit one with fixed substeps.",
     .accepts = PM_OPTION_C | PM_OPTION_OUTPUT | PM_OPTION_WEIGHTS | PM_OPTION_QUIET,
     .execute = execute,
 };

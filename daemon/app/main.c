@@ -16,7 +16,7 @@ static const pm_command *const commands[] = {
     &pm_command_coordinator, &pm_command_status,  &pm_command_view,   &pm_command_export,
     &pm_command_emit,        &pm_command_check,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 30, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 40, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -71,6 +71,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .value = "FILE",
           .text = &run->output,
           .help = "write an FMU to FILE"}},
+        {PM_OPTION_OUTPUT,
+         text_option("--fmi", "VERSION", &run->fmi, "version of the FMU: 2 or 3; by default 3")},
         {PM_OPTION_HOSTS,
          text_option("--hosts", "LIST", &run->hosts,
                      "hosts of the processes, such as a,b or upper=a,lower=b,coordinator=a")},

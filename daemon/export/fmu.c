@@ -34,19 +34,24 @@ extern const char *const pm_fmu_glue_text[];
 extern const char *const pm_fmu_build_text[];
 extern const char *const pm_fmu_model_text[];
 extern const char *const pm_fmu_terminals_text[];
+extern const char *const pm_fmu_second_text[];
+extern const char *const pm_fmu_second_model_text[];
 
 static const struct {
     const char *folder, *name; // in the archive
     const char *const *text;
+    int version; // of FMI that has it; 0: all
 } files[] = {
-    {"sources/", "model.h", pm_fmu_glue_text},
-    {"sources/", "fmi3.h", pm_fmu_types_text},
-    {"sources/", "fmi3.c", pm_fmu_interface_text},
-    {"sources/", "fmi3_state.c", pm_fmu_state_text},
-    {"sources/", "fmi3_unused.c", pm_fmu_unused_text},
-    {"sources/", "buildDescription.xml", pm_fmu_build_text},
-    {"", "modelDescription.xml", pm_fmu_model_text},
-    {"terminalsAndIcons/", "terminalsAndIcons.xml", pm_fmu_terminals_text},
+    {"sources/", "model.h", pm_fmu_glue_text, 0},
+    {"sources/", "fmi3.h", pm_fmu_types_text, 0},
+    {"sources/", "fmi3.c", pm_fmu_interface_text, 0},
+    {"sources/", "fmi3_state.c", pm_fmu_state_text, 0},
+    {"sources/", "fmi3_unused.c", pm_fmu_unused_text, 0},
+    {"sources/", "buildDescription.xml", pm_fmu_build_text, 3},
+    {"", "modelDescription.xml", pm_fmu_model_text, 3},
+    {"sources/", "fmi2.c", pm_fmu_second_text, 2},
+    {"", "modelDescription.xml", pm_fmu_second_model_text, 2},
+    {"terminalsAndIcons/", "terminalsAndIcons.xml", pm_fmu_terminals_text, 3},
 };
 enum { NFILE = sizeof files / sizeof files[0] };
 
@@ -64,12 +69,25 @@ typedef struct fmu_references {
     int state, derivative, input, energy, entropy, flux, slope, reaction, departure, end;
 } fmu_references;
 
+// The kinds of variables.
+enum { EXACT, CALCULATED, LOCAL, INPUT, PARAMETER };
+
+typedef struct variable {
+    const char *name, *unit, *description; // name NULL: the reference has no variable
+    int kind;
+    int position;          // among all variables, from 1
+    int state;             // reference of the state whose derivative it is
+    double start, nominal; // nominal: of states
+} variable;
+
 typedef struct fmu_writer {
+    int version; // of FMI: 2 or 3
     const pm_setup *setup;
     const pm_scene *scene;
     pm_arena *arena;
     fmu_references reference;
     pm_scene_variables names;
+    variable *variable; // [reference.end] by reference
     double *first;      // [nprescribed] values of the boundary inputs at the start
     const char *folder; // temporary
     pm_archive archive;
@@ -182,27 +200,6 @@ static void put_name(FILE *file, const char *name) {
     }
 }
 
-// The kinds of variables.
-enum { EXACT, CALCULATED, LOCAL, INPUT, PARAMETER };
-
-// Writes the beginning of a variable.
-static void write_variable(FILE *file, const fmu_writer *w, const char *name, int reference,
-                           int kind, const char *unit) {
-    static const char *const attributes[] = {
-        "causality=\"output\" variability=\"continuous\" initial=\"exact\" "
-        "intermediateUpdate=\"true\"",
-        "causality=\"output\" variability=\"continuous\" initial=\"calculated\" "
-        "intermediateUpdate=\"true\"",
-        "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
-        "causality=\"input\" variability=\"continuous\" intermediateUpdate=\"true\"",
-        "causality=\"parameter\" variability=\"tunable\""};
-    fputs("    <Float64 name=\"", file);
-    put_name(file, name);
-    fprintf(file, "\" valueReference=\"%d\" %s unit=\"", reference, attributes[kind]);
-    put_text(file, modelica(w, unit));
-    fputs("\"", file);
-}
-
 // Returns how large the states of a group are in training; 1 if that is not known.
 static double nominal_of(pm_training_range range, int group) {
     const double most =
@@ -210,47 +207,12 @@ static double nominal_of(pm_training_range range, int group) {
     return most > 0 && most < DBL_MAX ? most : 1;
 }
 
-// Writes the sizes of all states, or their variables.
+// Writes the sizes of all states.
 static void write_nominals(FILE *file, const void *context) {
     const fmu_writer *w = context;
-    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
-        const pm_layout *layout = &w->scene->physics.subsystem[i].layout;
-        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
-        for (int g = 0; g < layout->ngroup; ++g) {
-            for (int c = 0; c < layout->group[g].size; ++c) {
-                fprintf(file, "%s%.17g", i + g + c == 0 ? "" : ", ", nominal_of(range, g));
-            }
-        }
+    for (int i = w->reference.state; i < w->reference.derivative; ++i) {
+        fprintf(file, "%s%.17g", i == w->reference.state ? "" : ", ", w->variable[i].nominal);
     }
-}
-
-static void write_states(FILE *file, const fmu_writer *w) {
-    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &w->scene->physics.subsystem[i];
-        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
-        for (int g = 0; g < s->layout.ngroup; ++g) {
-            const pm_group *group = &s->layout.group[g];
-            for (int c = 0; c < group->size; ++c) {
-                const int k = s->first + group->first + c;
-                write_variable(file, w, w->names.state.name[k], w->reference.state + k, EXACT,
-                               w->names.state.unit[k]);
-                fprintf(file, " start=\"%.17g\" nominal=\"%.17g\"", w->setup->initial[k],
-                        nominal_of(range, g));
-                if (range.low != NULL && range.low[g] <= range.high[g]) {
-                    fprintf(file, " description=\"%s from %.4g to %.4g in training\"",
-                            group->size > 1 ? "length of the vector" : "value", range.low[g],
-                            range.high[g]);
-                }
-                fputs("/>\n", file);
-            }
-        }
-    }
-}
-
-// Returns true if the value i of the boundary inputs is an input: it follows a column or is live.
-static bool is_input(const fmu_writer *w, int i) {
-    const pm_boundary_input *b = &w->setup->boundary_input;
-    return b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
 }
 
 // Returns the position of the subsystem that has the component c of the scene's state.
@@ -262,72 +224,139 @@ static int owner_of(const pm_physics *physics, int c) {
     return id;
 }
 
-// Returns true if the co-energies of the component c of the scene's state are variables of their
-// own: those of a group that is shown by its co-energy are not.
-static bool has_slope(const pm_physics *physics, int c) {
-    const pm_scene_subsystem *s = &physics->subsystem[owner_of(physics, c)];
+// Returns the position of the group that has the component c of a layout.
+static int group_of(const pm_layout *layout, int c) {
     int g = 0;
-    while (g + 1 < s->layout.ngroup && s->layout.group[g + 1].first <= c - s->first) {
+    while (g + 1 < layout->ngroup && layout->group[g + 1].first <= c) {
         ++g;
     }
-    return !s->layout.group[g].coenergy;
+    return g;
 }
 
-// Writes the variables in the order of their references.
-static void write_variables(FILE *file, const void *context) {
-    const fmu_writer *w = context;
+// Sets a variable and returns it, so that more can be said of it.
+static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
+    variable *v = &w->variable[reference];
+    *v = (variable){.name = name, .unit = unit, .kind = kind};
+    return v;
+}
+
+static void add_states(fmu_writer *w) {
+    const pm_scene_variables *v = &w->names;
+    const fmu_references *r = &w->reference;
+    for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &w->scene->physics.subsystem[i];
+        const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
+        for (int c = 0; c < s->layout.nz; ++c) {
+            const int k = s->first + c, g = group_of(&s->layout, c);
+            variable *state = add(w, r->state + k, EXACT, v->state.name[k], v->state.unit[k]);
+            state->start = w->setup->initial[k];
+            state->nominal = nominal_of(range, g);
+            if (range.low != NULL && range.low[g] <= range.high[g]) {
+                state->description =
+                    pm_arena_printf(w->arena, "%s from %.4g to %.4g in training",
+                                    s->layout.group[g].size > 1 ? "length of the vector" : "value",
+                                    range.low[g], range.high[g]);
+            }
+            const char *rate = pm_arena_printf(w->arena, "der(%s)", v->state.name[k]);
+            add(w, r->derivative + k, LOCAL, rate, v->rate.unit[k])->state = r->state + k;
+            // The co-energies of a group that is shown by its co-energy are no variables of their
+            // own.
+            for (int slope = 0; slope < 2 && !s->layout.group[g].coenergy; ++slope) {
+                add(w, r->slope + slope * w->scene->physics.nz + k, CALCULATED,
+                    v->slope[slope].name[k], v->slope[slope].unit[k]);
+            }
+        }
+    }
+}
+
+// Fills in the table of variables. PM_ENOMEM.
+static pm_status add_variables(fmu_writer *w) {
     const pm_physics *physics = &w->scene->physics;
     const pm_scene_variables *v = &w->names;
     const fmu_references *r = &w->reference;
-    write_states(file, w);
-    for (int i = 0; i < physics->nz; ++i) {
-        const char *name = pm_arena_printf(w->arena, "der(%s)", v->state.name[i]);
-        write_variable(file, w, name == NULL ? "" : name, r->derivative + i, LOCAL,
-                       v->rate.unit[i]);
-        fprintf(file, " derivative=\"%d\"/>\n", r->state + i);
-    }
-    // Another prescribed value is a parameter, unless it is zero, where the co-energies that nobody
-    // prescribes are.
+    const int ns = physics->nsubsystem;
+    w->variable = pm_arena_array(w->arena, (size_t)r->end, sizeof *w->variable);
+    PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));
+    add_states(w);
+    // A value that follows a column or is live is an input; another one a parameter, unless it is
+    // zero, where the co-energies that nobody prescribes are.
     for (int i = 0; i < physics->nprescribed; ++i) {
-        if (is_input(w, i) || w->first[i] != 0) {
-            write_variable(file, w, v->input.name[i], r->input + i,
-                           is_input(w, i) ? INPUT : PARAMETER, v->input.unit[i]);
-            fprintf(file, " start=\"%.17g\"/>\n", w->first[i]);
+        const pm_boundary_input *b = &w->setup->boundary_input;
+        const bool follows = b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
+        if (follows || w->first[i] != 0) {
+            add(w, r->input + i, follows ? INPUT : PARAMETER, v->input.name[i], v->input.unit[i])
+                ->start = w->first[i];
         }
     }
-    for (int i = 0; i < 2 * physics->nsubsystem; ++i) {
-        const bool first = i < physics->nsubsystem;
-        const char *name = pm_arena_printf(w->arena, first ? "%s.energy" : "%s.entropy",
-                                           physics->subsystem[i % physics->nsubsystem].name);
-        write_variable(file, w, name == NULL ? "" : name, r->energy + i, CALCULATED,
-                       first ? "J" : "J/K");
-        fputs("/>\n", file);
+    for (int i = 0; i < 2 * ns; ++i) {
+        const char *name = pm_arena_printf(w->arena, i < ns ? "%s.energy" : "%s.entropy",
+                                           physics->subsystem[i % ns].name);
+        add(w, r->energy + i, CALCULATED, name, i < ns ? "J" : "J/K");
     }
     for (int i = 0; i < 4 * physics->nport; ++i) {
         const pm_scene_port *port = &physics->port[i / 4];
         const char *name = pm_arena_printf(w->arena, "%s.%s", port->name, fluxes[i % 4]);
-        write_variable(file, w, name == NULL ? "" : name, r->flux + i, CALCULATED,
-                       i % 2 == 0 ? "W" : "W/K");
-        fprintf(file, " description=\"into %s\"/>\n",
-                pm_scene_end_name(w->scene, port, i % 4 >= 2));
-    }
-    for (int k = 0; k < 2; ++k) {
-        for (int c = 0; c < physics->nz; ++c) {
-            if (has_slope(physics, c)) {
-                write_variable(file, w, v->slope[k].name[c], r->slope + k * physics->nz + c,
-                               CALCULATED, v->slope[k].unit[c]);
-                fputs("/>\n", file);
-            }
-        }
+        add(w, r->flux + i, CALCULATED, name, i % 2 == 0 ? "W" : "W/K")->description =
+            pm_arena_printf(w->arena, "into %s", pm_scene_end_name(w->scene, port, i % 4 >= 2));
     }
     for (int i = 0; i < physics->nprescribed / 3; ++i) {
-        write_variable(file, w, v->reaction.name[i], r->reaction + i, CALCULATED,
-                       v->reaction.unit[i]);
-        fputs(" description=\"rate that the ports give to the outside\"/>\n", file);
+        add(w, r->reaction + i, CALCULATED, v->reaction.name[i], v->reaction.unit[i])->description =
+            "rate that the ports give to the outside";
     }
-    write_variable(file, w, "outside_training_range", r->departure, CALCULATED, "1");
-    fputs(" description=\"distance to the states of the training, in widths of their range\"/>\n",
-          file);
+    add(w, r->departure, CALCULATED, "outside_training_range", "1")->description =
+        "distance to the states of the training, in widths of their range";
+    int position = 1; // the time is the first one
+    for (int i = 1; i < r->end; ++i) {
+        w->variable[i].position = w->variable[i].name == NULL ? 0 : ++position;
+    }
+    return pm_arena_status(w->arena, OUT_OF_MEMORY);
+}
+
+static void put_attribute(FILE *file, const char *name, const char *text) {
+    fprintf(file, " %s=\"", name);
+    put_text(file, text);
+    fputs("\"", file);
+}
+
+// Writes the variables in the order of their references: in FMI 2.0 all are scalar variables with
+// an element for the type.
+static void write_variables(FILE *file, const void *context) {
+    static const char *const attributes[] = {
+        "causality=\"output\" variability=\"continuous\" initial=\"exact\"",
+        "causality=\"output\" variability=\"continuous\" initial=\"calculated\"",
+        "causality=\"local\" variability=\"continuous\" initial=\"calculated\"",
+        "causality=\"input\" variability=\"continuous\"",
+        "causality=\"parameter\" variability=\"tunable\""};
+    const fmu_writer *w = context;
+    const bool two = w->version == 2;
+    for (int i = 1; i < w->reference.end; ++i) {
+        const variable *v = &w->variable[i];
+        if (v->name == NULL) {
+            continue;
+        }
+        fputs(two ? "    <ScalarVariable name=\"" : "    <Float64 name=\"", file);
+        put_name(file, v->name);
+        fprintf(file, "\" valueReference=\"%d\" %s", i, attributes[v->kind]);
+        if (v->description != NULL) {
+            put_attribute(file, "description", v->description);
+        }
+        if (two) {
+            fputs("><Real", file);
+        } else if (v->kind == EXACT || v->kind == CALCULATED || v->kind == INPUT) {
+            fputs(" intermediateUpdate=\"true\"", file);
+        }
+        put_attribute(file, "unit", modelica(w, v->unit));
+        if (v->kind == EXACT || v->kind == INPUT || v->kind == PARAMETER) {
+            fprintf(file, " start=\"%.17g\"", v->start);
+        }
+        if (v->kind == EXACT) {
+            fprintf(file, " nominal=\"%.17g\"", v->nominal);
+        }
+        if (v->kind == LOCAL) {
+            fprintf(file, " derivative=\"%d\"", two ? w->variable[v->state].position : v->state);
+        }
+        fputs(two ? "/></ScalarVariable>\n" : "/>\n", file);
+    }
 }
 
 // --- structure ---
@@ -343,7 +372,7 @@ static void mark_end(const fmu_writer *w, const pm_scene_port *port, int end, bo
     }
     const pm_scene_boundary_input *b = &physics->boundary_input[port->boundary_input[end]];
     for (int i = b->first; i < b->first + 3 * b->layout.nz; ++i) {
-        known[w->reference.input + i] = is_input(w, i) || w->first[i] != 0;
+        known[w->reference.input + i] = w->variable[w->reference.input + i].name != NULL;
     }
 }
 
@@ -402,23 +431,23 @@ static void mark(const fmu_writer *w, int unknown, bool *known) {
 }
 
 // Writes the unknowns `first` to `end` - 1 as elements with what they depend on. Parameters count
-// at the start only.
+// at the start only. FMI 2.0 names variables by their positions.
 static void write_unknowns(FILE *file, const fmu_writer *w, const char *element, int first,
                            int end) {
     const fmu_references *r = &w->reference;
-    const pm_physics *physics = &w->scene->physics;
+    const bool two = w->version == 2, at_start = strcmp(element, "InitialUnknown") == 0;
     bool *known = pm_arena_array(w->arena, (size_t)r->end, sizeof *known);
     for (int i = first; i < end && known != NULL; ++i) {
-        if (i >= r->slope && i < r->reaction && !has_slope(physics, (i - r->slope) % physics->nz)) {
+        if (w->variable[i].name == NULL) {
             continue;
         }
         mark(w, i, known);
-        fprintf(file, "    <%s valueReference=\"%d\" dependencies=\"", element, i);
+        fprintf(file, "    <%s %s=\"%d\" dependencies=\"", two ? "Unknown" : element,
+                two ? "index" : "valueReference", two ? w->variable[i].position : i);
         const char *blank = "";
         for (int k = r->state; k < r->energy; ++k) {
-            const bool parameter = k >= r->input && !is_input(w, k - r->input);
-            if (known[k] && (!parameter || strcmp(element, "InitialUnknown") == 0)) {
-                fprintf(file, "%s%d", blank, k);
+            if (known[k] && (w->variable[k].kind != PARAMETER || at_start)) {
+                fprintf(file, "%s%d", blank, two ? w->variable[k].position : k);
                 blank = " ";
             }
         }
@@ -429,11 +458,16 @@ static void write_unknowns(FILE *file, const fmu_writer *w, const char *element,
 static void write_structure(FILE *file, const void *context) {
     const fmu_writer *w = context;
     const fmu_references *r = &w->reference;
+    const bool two = w->version == 2;
+    fputs(two ? "    <Outputs>\n" : "", file);
     write_unknowns(file, w, "Output", r->state, r->derivative);
     write_unknowns(file, w, "Output", r->energy, r->end);
+    fputs(two ? "    </Outputs>\n    <Derivatives>\n" : "", file);
     write_unknowns(file, w, "ContinuousStateDerivative", r->derivative, r->input);
+    fputs(two ? "    </Derivatives>\n    <InitialUnknowns>\n" : "", file);
     write_unknowns(file, w, "InitialUnknown", r->derivative, r->input);
     write_unknowns(file, w, "InitialUnknown", r->energy, r->end);
+    fputs(two ? "    </InitialUnknowns>\n" : "", file);
 }
 
 static void write_member(FILE *file, const char *name, const char *member, const char *kind) {
@@ -465,7 +499,8 @@ static void write_terminals(FILE *file, const void *context) {
         bool open = false;
         for (int c = 0; c < b->layout.nz; ++c) {
             const int effort = b->first + b->layout.nz + c, flow = b->first / 3 + c;
-            if (!is_input(w, effort)) {
+            const variable *v = &w->variable[w->reference.input + effort];
+            if (v->name == NULL || v->kind != INPUT) {
                 continue;
             }
             if (!open) {
@@ -478,7 +513,7 @@ static void write_terminals(FILE *file, const void *context) {
             }
             char member[32];
             snprintf(member, sizeof member, "effort%d", c);
-            write_member(file, w->names.input.name[effort], member, "signal");
+            write_member(file, v->name, member, "signal");
             snprintf(member, sizeof member, "flow%d", c);
             write_member(file, w->names.reaction.name[flow], member, "outflow");
         }
@@ -538,6 +573,9 @@ static pm_status pack_all(fmu_writer *w) {
         PM_TRY(pack(w, name, plain));
     }
     for (int i = 0; i < NFILE; ++i) {
+        if (files[i].version != 0 && files[i].version != w->version) {
+            continue;
+        }
         const char *path = pm_arena_printf(w->arena, "%s/%s", w->folder, files[i].name);
         const char *name = pm_arena_printf(w->arena, "%s%s", files[i].folder, files[i].name);
         FILE *file = path == NULL ? NULL : fopen(path, "wb");
@@ -562,7 +600,8 @@ static pm_status compile(fmu_writer *w, bool *compiled) {
     char *const compiler = pm_arena_strdup(w->arena, chosen == NULL ? "cc" : chosen);
     char *const library = pm_arena_printf(w->arena, "%s/%s.so", w->folder, name);
     char *const one = pm_arena_printf(w->arena, "%s/%s.c", w->folder, name);
-    char *const two = pm_arena_printf(w->arena, "%s/fmi3.c", w->folder);
+    char *const two =
+        pm_arena_printf(w->arena, w->version == 2 ? "%s/fmi2.c" : "%s/fmi3.c", w->folder);
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));
     char shared[] = "-shared", position[] = "-fPIC", hidden[] = "-fvisibility=hidden";
     char standard[] = "-std=c99", fast[] = "-O3", output[] = "-o", math[] = "-lm";
@@ -575,7 +614,9 @@ static pm_status compile(fmu_writer *w, bool *compiled) {
     }
     const char *plain = pm_arena_printf(w->arena, "%s.so", name);
     const char *packed =
-        pm_arena_printf(w->arena, "binaries/%s-linux/%s.so", machine.machine, name);
+        w->version == 2 && strcmp(machine.machine, "x86_64") == 0
+            ? pm_arena_printf(w->arena, "binaries/linux64/%s.so", name)
+            : pm_arena_printf(w->arena, "binaries/%s-linux/%s.so", machine.machine, name);
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));
     return pack(w, packed, plain);
 }
@@ -619,13 +660,13 @@ static pm_status open_writer(fmu_writer *w) {
     if (physics->nprescribed > 0) {
         pm_boundary_input_at(&w->setup->boundary_input, 0, 0, w->first);
     }
-    return pm_arena_status(w->arena, OUT_OF_MEMORY);
+    return add_variables(w);
 }
 
-pm_status pm_export_fmu(const pm_setup *setup, const char *path, bool *compiled) {
+pm_status pm_export_fmu(const pm_setup *setup, int version, const char *path, bool *compiled) {
     const char *base = getenv("TMPDIR");
     pm_arena arena = {0};
-    fmu_writer w = {.setup = setup, .scene = setup->scene, .arena = &arena};
+    fmu_writer w = {.version = version, .setup = setup, .scene = setup->scene, .arena = &arena};
     pm_status status;
     *compiled = false;
     char *folder = pm_arena_printf(&arena, "%s/portmet-fmu-XXXXXX",

@@ -23,7 +23,7 @@ class Fmu:
         self.library = ctypes.CDLL(glob.glob(f"{folder}/binaries/*/{name}.so")[0])
         self.dt = float(self.description.find("DefaultExperiment").get("stepSize"))
         self.variables = {v.get("name"): v for v in self.description.find("ModelVariables")}
-        self.inputs, self.trace, self.output = None, [], []
+        self.inputs, self.trace, self.input, self.output = None, [], [], []
         self.update = Update(self.within)
         self.library.fmi3InstantiateCoSimulation.restype = ctypes.c_void_p
         token = self.description.get("instantiationToken").encode()
@@ -140,4 +140,5 @@ def main():
             sys.exit("FAILED: inputs within a step")
 
 
-main()
+if __name__ == "__main__":
+    main()

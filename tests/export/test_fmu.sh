@@ -38,6 +38,18 @@ fmu driven_lower 200 60
 [ "$(grep -c 'name="pivot[.].dE/dp.[[]..*causality="input"' "$folder/live/modelDescription.xml")" -eq 2 ] ||
     fail "live values are no inputs"
 
+# The same scenes under FMI 2.0.
+for name in double_pendulum driven_lower; do
+    "$portmetd" export "configs/$name.yaml" --fmi 2 -o "$folder/second.fmu" --quiet || fail "$name: FMI 2.0"
+    rm -rf "$folder/second"
+    (mkdir "$folder/second" && cd "$folder/second" && cmake -E tar xf ../second.fmu) || fail "second.fmu is no archive"
+    cc -std=c99 -Wall -Wextra -Werror -fvisibility=hidden -O1 -shared -fPIC -o "$folder/second/again.so" \
+        "$folder/second/sources/fmi2.c" "$folder/second/sources/$name.c" -lm || fail "$name: FMI 2.0 does not compile"
+    python3 -B "$here/compare_versions.py" "$folder/second" "$folder/$name" || fail "$name: FMI 2.0"
+done
+"$portmetd" export configs/double_pendulum.yaml --fmi 1 -o "$folder/first.fmu" >"$folder/out" 2>&1
+[ $? -eq 2 ] || fail "FMI 1"
+
 # Two FMUs, each of one pendulum with the other one as its outside, are coupled by an importer.
 # cut NAME OTHER: the scene with NAME alone.
 cut() {
@@ -69,7 +81,7 @@ for pair in "upper lower" "lower upper"; do
     "$portmetd" export "$folder/$1.yaml" -o "$folder/$1.fmu" --quiet || fail "$1 alone"
     (mkdir "$folder/$1" && cd "$folder/$1" && cmake -E tar xf "../$1.fmu") || fail "$1.fmu is no archive"
 done
-python3 "$here/couple_fmus.py" "$folder/double_pendulum" "$folder/upper" "$folder/lower" || fail "coupled FMUs"
+python3 -B "$here/couple_fmus.py" "$folder/double_pendulum" "$folder/upper" "$folder/lower" || fail "coupled FMUs"
 
 # Without a compiler there are sources alone.
 CC=/nowhere "$portmetd" export configs/double_pendulum.yaml -o "$folder/plain.fmu" >"$folder/out" 2>&1

@@ -11,7 +11,7 @@
 
 #include "model.h"
 
-#if defined(__GNUC__)
+#if defined(__GNUC__) && !defined(FMI3_IS_HIDDEN)
 #pragma GCC visibility push(default)
 #endif
 
