@@ -4,13 +4,12 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/options.h"
 #include "data/unit_change.h"
 #include "evaluate/evaluate.h"
-#include "evaluate/gnuplot.h"
+#include "evaluate/python.h"
 #include "inference/estimate.h"
 #include "store/hdf5_io.h"
 
@@ -18,11 +17,6 @@
 #define GUESSED 0.5    // part of its guess's deviation above which a hidden component is marked
 #define EQUAL 1e-6     // part of dt by which times of measurements and truth may differ
 #define MOST_LISTED 16 // trajectories whose errors have a line each
-#define MOST_DRAWN 4   // trajectories
-#define MOST_ROWS 1500 // of a drawn trajectory; more would overlap
-#define BINS 12        // of the time, in which coverage is counted
-#define ROW_HEIGHT 190 // pixels
-#define PER_COLUMN 4   // numbers in a row: measured, predicted, half the band, measured - predicted
 
 // The objects of an evaluation, all owned by this structure.
 typedef struct prediction {
@@ -39,7 +33,6 @@ typedef struct prediction {
     pm_columns columns;  // of the truth
     double *truth_error; // [ngroup of columns][count] relative errors over all samples; or NULL
     pm_evaluation *laws;
-    double until; // s: the time of the last sample that is drawn
 } prediction;
 
 // Time of sample k of estimate `id` since its first sample, NAN after its last one.
@@ -252,19 +245,20 @@ static void print_json(const prediction *j) {
     printf("}\n");
 }
 
-static pm_status write_record(const prediction *j) {
+static pm_status write_record(const prediction *j, const char *path) {
     const pm_estimate *e = &j->estimate;
     const pm_dataset *d = j->data;
     const int shape[3] = {j->count, d->ntime, d->ncolumn}, states[3] = {j->count, d->ntime, e->nz};
     const size_t rows = (size_t)j->count * (size_t)d->ntime;
-    double *y = malloc(rows * (size_t)d->ncolumn * sizeof *y);
-    double *t = malloc(rows * sizeof *t), *number = malloc((size_t)j->count * sizeof *number);
+    pm_arena arena = {0};
+    double *y = pm_arena_array(&arena, rows * (size_t)d->ncolumn, sizeof *y);
+    double *t = pm_arena_array(&arena, rows, sizeof *t);
+    double *number = pm_arena_array(&arena, (size_t)j->count, sizeof *number);
+    const char **unit = pm_arena_array(&arena, (size_t)d->ncolumn, sizeof *unit);
     pm_hdf5 *file = NULL;
-    pm_status status = pm_fail(PM_ENOMEM, "evaluate: out of memory");
-    if (y == NULL || t == NULL || number == NULL) {
-        goto done;
-    }
-    PM_TRY_DONE(pm_hdf5_create(&file, j->how->record, PM_HDF5_ATOMIC));
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(&arena, "predictions"));
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
     for (size_t i = 0; i < rows * (size_t)d->ncolumn; ++i) {
         y[i] = NAN;
     }
@@ -277,7 +271,15 @@ static pm_status write_record(const prediction *j) {
         t[i] = pm_dataset_time(d, j->which[i / (size_t)d->ntime], (int)(i % (size_t)d->ntime));
         number[i / (size_t)d->ntime] = j->which[i / (size_t)d->ntime];
     }
+    for (int c = 0; c < d->ncolumn; ++c) {
+        unit[c] = "";
+    }
+    for (int c = 0; c < e->ny; ++c) {
+        unit[j->observation.column[c]] =
+            j->observation.unit[c] == NULL ? "" : j->observation.unit[c];
+    }
     PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "columns", d->ncolumn, d->column));
+    PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "units", d->ncolumn, unit));
     PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "components", e->nz, j->observation.component_name));
     PM_TRY_DONE(pm_hdf5_write(file, "/y", 3, shape, y));
     PM_TRY_DONE(pm_hdf5_write(file, "/z", 3, states, e->z));
@@ -299,133 +301,8 @@ static pm_status write_record(const prediction *j) {
     status = pm_hdf5_commit(file);
 done:
     pm_hdf5_close(file);
-    free(y);
-    free(t);
-    free(number);
+    pm_arena_free(&arena);
     return status;
-}
-
-// --- pictures ---
-
-static double measured(const prediction *j, int id, int k, int column) {
-    return pm_dataset_state(j->data, j->which[id], k)[j->observation.column[column]];
-}
-
-// Half the width of the band; 0: there are no bands.
-static double half_band(const prediction *j, int id, int k, int column) {
-    const ptrdiff_t at = ((ptrdiff_t)id * j->estimate.ntime + k) * j->estimate.ny + column;
-    return j->estimate.deviation == NULL ? 0 : NINETY_PER_CENT * j->estimate.deviation[at];
-}
-
-static void write_number(FILE *file, double value) {
-    if (isfinite(value)) {
-        fprintf(file, " %.9g", value);
-    } else {
-        fputs(" nan", file);
-    }
-}
-
-// Draws trajectory `id`: on the left each measured column and its prediction, on the right
-// measurement minus prediction.
-static pm_status draw_prediction(const prediction *j, int id) {
-    FILE *file;
-    char name[64];
-    const pm_estimate *e = &j->estimate;
-    const int stride = 1 + e->ntime / MOST_ROWS;
-    snprintf(name, sizeof name, "prediction_%d.txt", j->which[id]);
-    PM_TRY(pm_plot_open(&file, j->how->plot, name));
-    for (int k = 0; k < e->ntime && time_of(j, id, k) <= j->until; k += stride) {
-        fprintf(file, "%.9g", time_of(j, id, k));
-        for (int c = 0; c < e->ny; ++c) {
-            const double y = measured(j, id, k, c);
-            const double predicted = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + c];
-            write_number(file, y);
-            write_number(file, predicted);
-            write_number(file, half_band(j, id, k, c));
-            write_number(file, y - predicted);
-        }
-        fputc('\n', file);
-    }
-    PM_TRY(pm_plot_close(file, j->how->plot));
-    snprintf(name, sizeof name, "prediction_%d", j->which[id]);
-    PM_TRY(pm_plot_open_script(&file, j->how->plot, name, 1100, 80 + ROW_HEIGHT * e->ny));
-    fprintf(
-        file,
-        "set multiplot layout %d,2 title 'Trajectory %d'\n"
-        "set key at screen 0.98, screen 0.99 right top horizontal font ',10' samplen 1.2 width -1\n"
-        "set lmargin 12\nset rmargin 2\nset xrange [0:%.9g]\n"
-        "set arrow from %.9g, graph 0 to %.9g, graph 1 nohead dashtype 3 linecolor '#555555'\n",
-        e->ny, j->which[id], j->until, j->seconds, j->seconds);
-    for (int panel = 0; panel < 2 * e->ny; ++panel) {
-        const int c = panel / 2, first = 2 + PER_COLUMN * c, band = first + 2;
-        const bool difference = panel % 2 == 1;
-        const char *unit = j->observation.unit[c];
-        fprintf(file, "%sset xlabel '%s'\nset ylabel \"%s%s%s%s\" noenhanced\nplot ",
-                difference ? "unset key\n" : "", c + 1 == e->ny ? "time, s" : "",
-                j->observation.name[c], difference ? ": difference" : "", unit == NULL ? "" : ", ",
-                unit == NULL ? "" : unit);
-        char centre[16] = "0";
-        if (!difference) {
-            snprintf(centre, sizeof centre, "$%d", first + 1);
-        }
-        if (e->deviation != NULL) {
-            fprintf(file,
-                    "'prediction_%d.txt' using 1:(%s-$%d):(%s+$%d) with filledcurves fillcolor "
-                    "'#a6cee3' title 'band of 90 %%', ",
-                    j->which[id], centre, band, centre, band);
-        }
-        fprintf(file,
-                "'prediction_%d.txt' using 1:%d with points pointtype 7 pointsize 0.25 linecolor "
-                "'#222222' title 'measured', '' using 1:(%s) with lines linewidth 1.4 linecolor "
-                "'%s' title 'predicted'\n",
-                j->which[id], difference ? first + 3 : first, centre, pm_plot_colour(0));
-    }
-    PM_TRY(pm_plot_close(file, j->how->plot));
-    strcat(name, ".gp");
-    return pm_gnuplot_run(j->how->plot, name);
-}
-
-// Draws the share of all measurements inside the bands, against the time.
-static pm_status draw_coverage(const prediction *j) {
-    FILE *file;
-    const pm_estimate *e = &j->estimate;
-    const double width = (j->until - j->seconds) / BINS;
-    PM_TRY(pm_plot_open(&file, j->how->plot, "coverage.txt"));
-    for (int b = 0; b < BINS; ++b) {
-        const double from = j->seconds + b * width, to = from + width;
-        fprintf(file, "%.9g", from + width / 2);
-        for (int c = 0; c < e->ny; ++c) {
-            long inside = 0, all = 0;
-            for (int i = 0; i < e->count; ++i) {
-                for (int k = 0; k < e->ntime; ++k) {
-                    const double t = time_of(j, i, k), y = measured(j, i, k, c);
-                    const ptrdiff_t at = ((ptrdiff_t)i * e->ntime + k) * e->ny + c;
-                    if (t > from && t <= to && isfinite(y)) {
-                        inside += fabs(e->y[at] - y) <= half_band(j, i, k, c);
-                        ++all;
-                    }
-                }
-            }
-            write_number(file, 100 * (all > 0 ? (double)inside / (double)all : NAN));
-        }
-        fputc('\n', file);
-    }
-    PM_TRY(pm_plot_close(file, j->how->plot));
-    PM_TRY(pm_plot_open_script(&file, j->how->plot, "coverage", 800, 420));
-    fprintf(file,
-            "set xlabel 'time, s'\nset ylabel 'measurements inside bands of 90 %%, %%'\n"
-            "set xrange [0:%.9g]\nset yrange [0:100]\nset key outside right top noenhanced\n"
-            "plot 90 with lines dashtype 3 linecolor '#555555' notitle",
-            j->until);
-    for (int c = 0; c < e->ny; ++c) {
-        fprintf(
-            file,
-            ", 'coverage.txt' using 1:%d with linespoints pointtype 7 linecolor '%s' title '%s'",
-            2 + c, pm_plot_colour(c), j->observation.name[c]);
-    }
-    fputc('\n', file);
-    PM_TRY(pm_plot_close(file, j->how->plot));
-    return pm_gnuplot_run(j->how->plot, "coverage.gp");
 }
 
 // --- the whole ---
@@ -490,7 +367,7 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     } else {
         print_tables(j);
     }
-    PM_TRY(j->how->record == NULL ? PM_OK : write_record(j));
+    PM_TRY(j->how->record == NULL ? PM_OK : write_record(j, j->how->record));
     if (j->how->states != NULL) { // the rollouts that checked the laws
         pm_dataset *d = j->laws->predicted;
         PM_TRY(pm_dataset_note(d, "title", "Rollouts of scene %s from estimated starts",
@@ -499,12 +376,14 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
         PM_TRY(pm_dataset_save(d, j->how->states));
     }
     if (j->how->plot != NULL) {
-        PM_TRY(pm_plot_folder(j->how->plot));
-        j->until = fmin(longest(j), j->estimate.until);
-        for (int i = 0; i < j->count && i < MOST_DRAWN; ++i) {
-            PM_TRY(draw_prediction(j, i));
-        }
-        PM_TRY(j->estimate.deviation == NULL ? PM_OK : draw_coverage(j));
+        PM_TRY(pm_python_folder(j->how->plot));
+        const char *numbers = pm_arena_printf(&j->arena, "%s/predictions.h5", j->how->plot);
+        const char *from = pm_arena_printf(&j->arena, "%.17g", j->seconds);
+        const char *to = pm_arena_printf(&j->arena, "%.17g", fmin(longest(j), j->estimate.until));
+        PM_TRY(pm_arena_status(&j->arena, "pictures"));
+        PM_TRY(write_record(j, numbers));
+        const char *const drawn[] = {"estimate", j->how->plot, j->how->data, name, from, to, NULL};
+        PM_TRY(pm_python_run(&pm_python_pictures, drawn, false));
     }
     const pm_rollout *violating = j->laws == NULL ? NULL : pm_evaluation_violation(j->laws);
     return violating == NULL ? PM_OK : pm_fail(PM_ELAW, "%s", violating->violation);

@@ -10,6 +10,7 @@
 
 #include "base/options.h"
 #include "command/tables.h"
+#include "evaluate/python.h"
 #include "fit/fit.h"
 #include "propose/propose.h"
 
@@ -105,7 +106,9 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
             (void)pm_fit_report(&f, NULL);
             status = pm_fail(status, "%s", error);
         } else if (status == PM_OK && pm_team_leads(a->team)) {
-            pm_fit_draw_curves(&f);
+            // fit.png, where Python and gnuplot are installed.
+            const char *const drawn[] = {"fit", a->output, NULL};
+            (void)pm_python_run(&pm_python_pictures, drawn, true);
             status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
             if (status == PM_OK) {
                 status = pm_fit_report(&f, a->black_box ? &black_box : NULL);

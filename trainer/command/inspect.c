@@ -9,7 +9,7 @@
 #include "base/options.h"
 #include "command/tables.h"
 #include "data/hold.h"
-#include "evaluate/gnuplot.h"
+#include "evaluate/python.h"
 #include "store/dataset.h"
 
 // The standard deviation of a fourth difference 1 -4 6 -4 1 of white noise of deviation 1, and the
@@ -125,40 +125,6 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
     return PM_OK;
 }
 
-static pm_status plot(const pm_dataset *d, const char *const *unit, const char *folder) {
-    FILE *file;
-    PM_TRY(pm_options_folder(folder));
-    PM_TRY(pm_plot_open(&file, folder, "measured.txt"));
-    for (int i = 0; i < d->ntrajectory; ++i) {
-        for (int k = 0; k < sample_count(d, i); ++k) {
-            fprintf(file, "%.9g", pm_dataset_time(d, i, k) - pm_dataset_time(d, i, 0));
-            for (int c = 0; c < d->ncolumn; ++c) {
-                fprintf(file, " %.9g", pm_dataset_state(d, i, k)[c]);
-            }
-            fprintf(file, "\n");
-        }
-        fprintf(file, "\n");
-    }
-    PM_TRY(pm_plot_close(file, folder));
-    PM_TRY(pm_plot_open(&file, folder, "measured.gp"));
-    fprintf(file,
-            "set terminal pngcairo size 900,%d font 'DejaVu Sans,10' background 'white'\n"
-            "set output 'measured.png'\nset multiplot layout %d,1\nset border 3\n"
-            "set tics nomirror out\nset datafile missing 'nan'\n",
-            60 + 170 * d->ncolumn, d->ncolumn);
-    for (int c = 0; c < d->ncolumn; ++c) {
-        const bool known = unit != NULL && *unit[c] != '\0';
-        fprintf(file,
-                "set ylabel '%s%s%s'\n%splot 'measured.txt' using 1:%d with lines lw 0.5 "
-                "linecolor '#0072b2' notitle\n",
-                d->column[c], known ? ", " : "", known ? unit[c] : "",
-                c + 1 == d->ncolumn ? "set xlabel 'time, s'\n" : "", c + 2);
-    }
-    fprintf(file, "unset multiplot\n");
-    PM_TRY(pm_plot_close(file, folder));
-    return pm_gnuplot_run(folder, "measured.gp");
-}
-
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {
     const char **file = calloc(MOST_FILES + 1, sizeof *file), *name = "z", *folder = NULL;
     bool helped = false;
@@ -206,7 +172,11 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
                          : pm_arena_printf(&d->arena, "%s and %d more", file[0], given.count - 1);
     PM_TRY_DONE(pm_arena_status(&d->arena, "a title"));
     PM_TRY_DONE(print_facts(d, unit, title, work));
-    status = folder == NULL ? PM_OK : plot(d, unit, folder);
+    if (folder != NULL) {
+        const char *const drawn[] = {"columns", folder, data.path, name, NULL};
+        PM_TRY_DONE(pm_options_folder(folder));
+        status = pm_python_run(&pm_python_pictures, drawn, false);
+    }
 done:
     pm_dataset_free(d);
     pm_data_close(&data);

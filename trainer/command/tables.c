@@ -8,90 +8,42 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "base/child.h"
+#include "evaluate/python.h"
 #include "store/hdf5_io.h"
 
-// The reader's folder, from the folder of the running program: in the tree of the build, and where
-// `cmake --install` puts it.
-static const char *const places[] = {"../daemon/python/portmet/tables",
-                                     PM_PYTHON_FROM_BIN "/tables"};
-
-// Writes the reader's path to `path` [size].
-static pm_status find_reader(char *path, size_t size) {
-    char program[PATH_MAX];
-    const ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
-    program[length > 0 ? length : 0] = '\0';
-    char *slash = strrchr(program, '/');
-    for (size_t i = 0; i < sizeof places / sizeof *places && slash != NULL; ++i) {
-        snprintf(path, size, "%.*s/%s", (int)(slash - program), program, places[i]);
-        if (access(path, R_OK) == 0) {
-            return PM_OK;
-        }
-    }
-    return pm_fail(PM_EFILE,
-                   "tables: the Python package of portmet is not where it was built or "
-                   "installed: %s",
-                   slash == NULL ? "/proc is needed" : path);
-}
+static const pm_python_program reader = {
+    "tables", "tables are read by Python: apt-get install python3 python3-h5py python3-scipy"};
 
 pm_status pm_tables_import(int count, const char *const *table, const char *output,
                            const pm_tables_how *how, bool quiet) {
-    static const char missing[] =
-        "tables are read by Python: apt-get install python3 python3-h5py python3-scipy";
-    const pm_tables_how *h = how;
-    const char *const option[][2] = {{"--time", h->time},
-                                     {"--dt", h->dt},
-                                     {"--missing", h->missing},
-                                     {"--runs", h->runs},
-                                     {"--types", h->types}};
+    const char *const option[][2] = {{"--time", how->time},
+                                     {"--dt", how->dt},
+                                     {"--missing", how->missing},
+                                     {"--runs", how->runs},
+                                     {"--types", how->types}};
     const int noption = sizeof option / sizeof *option;
-    char reader[PATH_MAX + 64];
-    PM_TRY(find_reader(reader, sizeof reader));
-    char **argv = calloc((size_t)count + 2 * (size_t)noption + 8, sizeof *argv);
-    char *joined[5] = {0};
-    int argc = 0, code = 0, error = ENOMEM;
-    if (argv != NULL) {
-        argv[argc++] = "python3";
-        argv[argc++] = "-B"; // leaves no compiled files in folders of the system
-        argv[argc++] = reader;
-        argv[argc++] = (char *)output;
-        error = 0;
-        for (int i = 0; i < noption && error == 0; ++i) {
-            if (option[i][1] != NULL) { // joined by '=', as a value may begin with '-'
-                error = asprintf(&joined[i], "%s=%s", option[i][0], option[i][1]) < 0 ? ENOMEM : 0;
-                argv[argc++] = joined[i];
-            }
-        }
-        if (h->temporary) {
-            argv[argc++] = "--temporary";
-        }
-        argv[argc++] = "--";
-        memcpy(argv + argc, table, (size_t)count * sizeof *argv);
-    }
-    if (error == 0) {
-        fflush(stdout);
-        error = pm_child_run(argv, quiet, &code);
-    }
+    pm_arena arena = {0};
+    const char **argument =
+        pm_arena_array(&arena, (size_t)count + (size_t)noption + 4, sizeof *argument);
+    int n = 0;
+    pm_status status;
+    PM_TRY_DONE(pm_arena_status(&arena, "tables"));
+    argument[n++] = output;
     for (int i = 0; i < noption; ++i) {
-        free(joined[i]);
+        if (option[i][1] != NULL) { // joined by '=', as a value may begin with '-'
+            argument[n++] = pm_arena_printf(&arena, "%s=%s", option[i][0], option[i][1]);
+        }
     }
-    free(argv);
-    switch (error != 0 ? -2 : code) {
-    case 0:
-        return PM_OK;
-    case PM_EFILE:
-    case PM_EDATA:
-    case PM_ENOMEM:
-    case PM_EINTERRUPTED:
-        return pm_fail((pm_status)code, "%s", "");
-    case -2:
-        return error == ENOMEM ? pm_fail(PM_ENOMEM, "out of memory for tables")
-               : error == ENOENT
-                   ? pm_fail(PM_EFILE, "%s", missing)
-                   : pm_fail(PM_EFILE, "tables: python3 cannot be started: %s", strerror(error));
-    default:
-        return pm_fail(PM_EFILE, "%s: the reader of tables ended with the code %d", table[0], code);
+    if (how->temporary) {
+        argument[n++] = "--temporary";
     }
+    argument[n++] = "--";
+    memcpy(argument + n, table, (size_t)count * sizeof *argument);
+    PM_TRY_DONE(pm_arena_status(&arena, "tables"));
+    status = pm_python_run(&reader, argument, quiet);
+done:
+    pm_arena_free(&arena);
+    return status;
 }
 
 // --- datasets of commands ---

@@ -2,7 +2,6 @@
 #include "fit/dissipative_modes.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

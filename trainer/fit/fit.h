@@ -115,7 +115,6 @@ typedef struct pm_fit {
     double processor; // s of CPU time of the process at the beginning of the fit
     bool expired;     // the time limit is over
     bool interrupted; // the training has been interrupted, and reports what it has
-    int nrow, nscore; // rows of fit.csv, and rows that have a validation
     FILE *curves;     // fit.csv
     pm_progress progress;
 } pm_fit;
@@ -210,8 +209,6 @@ void pm_verdict_print(const pm_verdict *verdict, const char *text);
 
 // --- fit/fit_states.c ---
 
-// Draws fit.csv as fit.png if gnuplot is installed.
-void pm_fit_draw_curves(const pm_fit *f);
 // Measures the system on the validation part if `validation` is true, else on the training part.
 // The caller frees *measure. Fails as the functions of evaluate/measure.h do.
 pm_status pm_fit_measure(const pm_fit *fit, bool validation, pm_measure *measure);

@@ -1,6 +1,5 @@
 // What both kinds of fits use: the choice of initial weights by rates, and the folder of a fit with
 // the checkpoint for --resume and the best weights so far as one file for each subsystem and port.
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>

@@ -6,7 +6,6 @@
 
 #include "data/trained.h"
 #include "data/unit_change.h"
-#include "evaluate/gnuplot.h"
 #include "fit/fit.h"
 #include "inference/spectrum.h"
 
@@ -18,7 +17,6 @@
 #define MOST_FINER 6
 #define MOST_ROLLOUTS 8     // in one validation
 #define MOST_VALIDATIONS 10 // in a stage
-#define FEWEST_ROWS 3       // of fit.csv, below which it is not drawn
 #define SHARE 0.1           // of the time at most, besides one validation at the end of each stage
 // The cost of an operation of a rollout, which runs sample by sample, in operations of the
 // training, which runs in batches.
@@ -115,40 +113,9 @@ static void write_curves(pm_fit *f, const char *optimiser, double loss, double s
             f->position.seconds + pm_clock() - f->saved, loss);
     if (isfinite(score)) {
         fprintf(f->curves, "%.6e", score);
-        ++f->nscore;
     }
-    ++f->nrow;
     fprintf(f->curves, "\n");
     fflush(f->curves);
-}
-
-void pm_fit_draw_curves(const pm_fit *f) {
-    char path[4096];
-    if (f->nrow < FEWEST_ROWS) {
-        return; // gnuplot warns about empty ranges
-    }
-    snprintf(path, sizeof path, "%s/fit.gp", f->arguments->output);
-    FILE *file = fopen(path, "w");
-    if (file == NULL) {
-        return;
-    }
-    fprintf(file, "set terminal pngcairo size 900,450 font 'DejaVu Sans,11' background 'white'\n"
-                  "set output 'fit.png'\n"
-                  "set datafile separator ','\n"
-                  "set border 3 linecolor '#555555'\n"
-                  "set tics nomirror out\n"
-                  "set grid linetype 1 linecolor '#e4e4e4'\n"
-                  "set logscale y\nset format y '10^{%%L}'\n"
-                  "set xlabel 'time of training, s'\n"
-                  "plot 'fit.csv' using 4:5 every ::1 with lines linecolor '#0072b2' title 'loss'");
-    if (f->nscore > 0) {
-        fprintf(file, ", 'fit.csv' using 4:6 every ::1 with points pointtype 7 linecolor '#d55e00' "
-                      "title 'rollouts on the validation part: error relative to persistence'");
-    }
-    fputc('\n', file);
-    if (fclose(file) == 0) {
-        (void)pm_gnuplot_run(f->arguments->output, "fit.gp"); // a fit does not fail for its picture
-    }
 }
 
 // --- stages ---

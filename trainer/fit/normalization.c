@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "base/linalg.h"
 #include "data/magnitudes.h"
 #include "graph/program.h"
 #include "loss/step_graph.h"

@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 // Every learned function has two inputs. Those of a branch are t2 and t3.
 enum { T2, T3, INPUTS };

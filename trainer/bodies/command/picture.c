@@ -1,12 +1,12 @@
-// portmet-train picture: draws bodies of field files at one time.
-#include <math.h>
+// portmet-train picture: draws bodies of field files at one time, by the Python package, which
+// reads the same options.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/options.h"
 #include "bodies/bodies.h"
-#include "bodies/solid/picture.h"
+#include "evaluate/python.h"
 
 #define MOST_FIELDS 16
 
@@ -51,66 +51,15 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
     if (helped) {
         return PM_OK;
     }
-    // The fields of --beside come last.
-    const char *path[2 * MOST_FIELDS];
-    pm_field *field[2 * MOST_FIELDS] = {NULL};
-    int trajectory[2 * MOST_FIELDS], count = 0, nbeside = 0;
-    pm_arena arena = {0};
-    pm_status status;
-    for (; a.path[count] != NULL; ++count) {
-        path[count] = a.path[count];
+    const char **argument = calloc((size_t)argc + 1, sizeof *argument);
+    if (argument == NULL) {
+        return pm_fail(PM_ENOMEM, "picture: out of memory");
     }
-    char *at = a.beside == NULL ? NULL : pm_arena_strdup(&arena, a.beside);
-    PM_TRY_DONE(pm_arena_status(&arena, "a picture"));
-    for (char *comma = at; at != NULL; at = comma == NULL ? NULL : comma + 1) {
-        comma = strchr(at, ',');
-        if (comma != NULL) {
-            *comma = 0;
-        }
-        if (nbeside == MOST_FIELDS) {
-            status =
-                pm_fail(PM_EUSAGE, "picture: --beside: expected at most %d fields", MOST_FIELDS);
-            goto done;
-        }
-        ++nbeside;
-        path[count++] = at;
-    }
-    // I[,J] are the trajectories of all fields.
-    int number[2] = {0, 0}, read = 0, found = 1;
-    if (a.trajectory != NULL) {
-        found = sscanf(a.trajectory, "%9d%n,%9d%n", &number[0], &read, &number[1], &read);
-    }
-    if (found < 1 || (a.trajectory != NULL && a.trajectory[read] != 0) ||
-        (found == 2 && nbeside == 0)) {
-        status = pm_fail(PM_EUSAGE, "picture: --trajectory \"%s\": expected a whole number%s",
-                         a.trajectory, nbeside == 0 ? "" : ", or two joined by a comma");
-        goto done;
-    }
-    for (int i = 0; i < count; ++i) {
-        trajectory[i] = number[found == 2 && i >= count - nbeside];
-        PM_TRY_DONE(pm_field_load(&field[i], path[i]));
-    }
-    pm_picture picture = {.count = count,
-                          .nbeside = nbeside,
-                          .field = (const pm_field *const *)field,
-                          .title = path,
-                          .trajectory = trajectory,
-                          .time = field[0]->t[field[0]->ntime - 1],
-                          .error = a.error};
-    if (a.time != NULL) {
-        char *end;
-        picture.time = strtod(a.time, &end);
-        if (end == a.time || *end != '\0' || !isfinite(picture.time)) {
-            status = pm_fail(PM_EUSAGE, "picture: --time \"%s\": expected a number", a.time);
-            goto done;
-        }
-    }
-    PM_TRY_DONE(pm_picture_draw(&picture, a.output));
+    argument[0] = "bodies";
+    memcpy(argument + 1, argv + 1, (size_t)(argc - 1) * sizeof *argument);
+    const pm_status status = pm_python_run(&pm_python_pictures, argument, false);
+    free(argument);
+    PM_TRY(status);
     printf("wrote %s\n", a.output);
-done:
-    for (int i = 0; i < count; ++i) {
-        pm_field_free(field[i]);
-    }
-    pm_arena_free(&arena);
-    return status;
+    return PM_OK;
 }

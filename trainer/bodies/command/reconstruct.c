@@ -1,9 +1,7 @@
 // portmet-train reconstruct: turns trajectories of modes or of nodal values into fields of the
 // body, and scores them.
-#include <errno.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "base/options.h"
 #include "bodies/bodies.h"
@@ -11,7 +9,7 @@
 #include "bodies/modal/contact_part.h"
 #include "bodies/modal/reconstruct.h"
 #include "bodies/solid/solid_nodes.h"
-#include "evaluate/gnuplot.h"
+#include "evaluate/python.h"
 #include "sim/score.h"
 
 typedef struct reconstruct_arguments {
@@ -64,58 +62,33 @@ static void print_part(const field_report *r, bool trained, double *column) {
 // Writes the errors in %, one row for each trajectory that training saw, or did not see.
 static pm_status write_numbers(const field_report *r, const char *folder, bool trained) {
     FILE *file;
-    PM_TRY(pm_plot_open(&file, folder, trained ? "trained.txt" : "test.txt"));
+    PM_TRY(pm_python_table(&file, folder, trained ? "trained.txt" : "test.txt"));
     for (int i = 0; i < r->count; ++i) {
         const double *error = r->error + (ptrdiff_t)i * PM_FIELD_NERROR;
         if (r->trained[i] == trained) {
             fprintf(file, "%.6g %.6g %.6g\n", 100 * error[0], 100 * error[1], 100 * error[2]);
         }
     }
-    return pm_plot_close(file, folder);
+    return pm_python_table_close(file, folder);
 }
 
-// Writes a box for each quantity.
-static void write_boxes(FILE *file, const char *data, double shift, double opacity) {
-    for (int e = 0; e < PM_FIELD_NERROR; ++e) {
-        fprintf(file,
-                "%s'%s' using (%g):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s' "
-                "fillstyle solid %g",
-                e > 0 ? ", " : "", data, e + 1 + shift, e + 1, pm_plot_colour(e), opacity);
-    }
-}
-
-// Makes `folder`, if it does not exist, and draws errors.png in it with gnuplot. Each quantity has
-// a box for the trajectories that training did not see, and a pale box for those that it saw. A
-// group without trajectories has no boxes. The script and the numbers stay in the folder.
+// Makes `folder`, if it does not exist, and draws errors.png in it. Each quantity has a box for the
+// trajectories that training did not see, and a pale box for those that it saw. A group without
+// trajectories has no boxes. The script and the numbers stay in the folder.
 static pm_status plot_errors(const field_report *r, const char *folder) {
-    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
-        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
-    }
+    const char *const argument[] = {"boxes",
+                                    folder,
+                                    "per trajectory: train (pale), test",
+                                    "test.txt",
+                                    "trained.txt",
+                                    names[0],
+                                    names[1],
+                                    "stress, free nodes",
+                                    NULL};
+    PM_TRY(pm_python_folder(folder));
     PM_TRY(write_numbers(r, folder, true));
     PM_TRY(write_numbers(r, folder, false));
-    const int trained = count_of(r, true), test = count_of(r, false);
-    const bool both = trained > 0 && test > 0;
-    FILE *file;
-    PM_TRY(pm_plot_open(&file, folder, "errors.gp"));
-    fprintf(file,
-            "set terminal pngcairo size 600,450 font 'DejaVu Sans,11' background 'white'\n"
-            "set output 'errors.png'\nset border 3 linecolor '#555555'\n"
-            "set tics nomirror out\nset grid noxtics ytics linecolor '#e4e4e4'\n"
-            "set style data boxplot\nset key noautotitle\nset logscale y\n"
-            "set ylabel 'relative L_2 error, %%'\nset xrange [0.4:3.6]\nset boxwidth %g\n"
-            "set xtics scale 0 ('%s' 1, '%s' 2, '%s, free nodes' 3)\n"
-            "set title 'per trajectory: train (%d, pale), test (%d)'\nplot ",
-            both ? 0.3 : 0.5, names[0], names[1], names[2], trained, test);
-    if (trained > 0) {
-        write_boxes(file, "trained.txt", both ? -0.18 : 0, 0.1);
-    }
-    fputs(both ? ", " : "", file);
-    if (test > 0) {
-        write_boxes(file, "test.txt", both ? 0.18 : 0, 0.5);
-    }
-    fputc('\n', file);
-    PM_TRY(pm_plot_close(file, folder));
-    return pm_gnuplot_run(folder, "errors.gp");
+    return pm_python_run(&pm_python_pictures, argument, false);
 }
 
 // --- fields ---

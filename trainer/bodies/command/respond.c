@@ -1,17 +1,15 @@
 // portmet-train respond: computes how a body of learned material responds to forces.
-#include <errno.h>
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <time.h>
 
 #include "base/options.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
 #include "bodies/solid/solid_data.h"
-#include "evaluate/gnuplot.h"
+#include "evaluate/python.h"
 #include "scene/weights.h"
 #include "sim/score.h"
 
@@ -152,36 +150,18 @@ static pm_status plot_errors(int nscore, int count, const response *r, const cha
     static const char *const names[PM_SOLID_NSCORE] = {"displacement", "stress", "stored",
                                                        "dissipated"};
     FILE *file;
-    if (mkdir(folder, 0777) != 0 && errno != EEXIST) {
-        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
-    }
-    PM_TRY(pm_plot_open(&file, folder, "errors.txt"));
+    PM_TRY(pm_python_folder(folder));
+    PM_TRY(pm_python_table(&file, folder, "errors.txt"));
     for (int i = 0; i < count; ++i) {
         for (int k = 0; k < nscore; ++k) {
             fprintf(file, "%.6g%s", 100 * r[i].error[k], k + 1 < nscore ? " " : "\n");
         }
     }
-    PM_TRY(pm_plot_close(file, folder));
-    PM_TRY(pm_plot_open_script(&file, folder, "errors", 600, 450));
-    fprintf(file,
-            "set style data boxplot\nset key noautotitle\nset logscale y\nset boxwidth 0.5\n"
-            "set ylabel 'relative L_2 error, %%'\nset xrange [0.4:%g]\n"
-            "set title 'per trajectory, %d of them'\nset xtics scale 0 (",
-            nscore + 0.6, count);
-    for (int k = 0; k < nscore; ++k) {
-        fprintf(file, "%s'%s' %d", k > 0 ? ", " : "", names[k], k + 1);
-    }
-    fputs(")\nplot ", file);
-    for (int k = 0; k < nscore; ++k) {
-        fprintf(
-            file,
-            "%s'errors.txt' using (%d):%d pointtype 7 pointsize 0.3 linewidth 1.2 linecolor '%s' "
-            "fillstyle solid 0.5",
-            k > 0 ? ", " : "", k + 1, k + 1, pm_plot_colour(k));
-    }
-    fputc('\n', file);
-    PM_TRY(pm_plot_close(file, folder));
-    return pm_gnuplot_run(folder, "errors.gp");
+    PM_TRY(pm_python_table_close(file, folder));
+    const char *argument[5 + PM_SOLID_NSCORE + 1] = {"boxes", folder, "per trajectory",
+                                                     "errors.txt", ""};
+    memcpy(argument + 5, names, (size_t)nscore * sizeof *argument);
+    return pm_python_run(&pm_python_pictures, argument, false);
 }
 
 pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t *stop) {

@@ -1,7 +1,6 @@
 // Sorts all faces of all elements, so that a face that two elements share stands beside its twin.
 #include "bodies/solid/surface.h"
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>

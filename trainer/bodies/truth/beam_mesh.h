@@ -8,8 +8,6 @@
 #include <math.h>
 #include <stdbool.h>
 
-#include "base/arena.h"
-#include "base/status.h"
 #include "bodies/field/field.h"
 
 #define PM_BEAM_CORNERS 8

@@ -7,11 +7,11 @@ import numpy
 from table import DATA, FILE, Refused, Run, say
 
 
-def _text(value):
+def text(value):
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def _expand(names):
+def expand(names):
     """Returns the names that a list such as "s f[0:3]" means: s, f0, f1, f2."""
     result = []
     for word in names.split():
@@ -34,8 +34,8 @@ def read_dataset(path):
     """Reads the trajectories of a dataset as runs."""
     with h5py.File(path, "r") as file:
         z, t = file["z"][()], file["t"][()]
-        names = _expand(_text(file.attrs["state_layout"]))
-        units = _text(file.attrs["units"]).split(";") if "units" in file.attrs else None
+        names = expand(text(file.attrs["state_layout"]))
+        units = text(file.attrs["units"]).split(";") if "units" in file.attrs else None
     if z.ndim != 3 or z.shape[2] != len(names) or t.shape[-1] != z.shape[1] or (units and len(units) != len(names)):
         raise Refused(DATA, f"{path}: z, t, state_layout and units of the dataset have different lengths")
     runs = []
@@ -55,10 +55,10 @@ def read_recording(path):
         names, units, columns = ["t"], ["s"], [file["time"][:count]]
         for family, group in file["subsystems"].items():
             z = group["z"][:count].reshape(count, -1)
-            own = _expand(" ".join(map(_text, numpy.atleast_1d(group["z"].attrs["variables"]))))
-            own_units = list(map(_text, numpy.atleast_1d(group["z"].attrs["units"])))
+            own = expand(" ".join(map(text, numpy.atleast_1d(group["z"].attrs["variables"]))))
+            own_units = list(map(text, numpy.atleast_1d(group["z"].attrs["units"])))
             own = [re.sub(r"\[(\d+)\]", r"_\1", name) for name in own]
-            members = _expand(family)
+            members = expand(family)
             if len(own) * len(members) != z.shape[1] or len(own_units) != len(own):
                 say(f"{path}: leaves out {family}, whose {z.shape[1]} variables have no names of their own")
                 continue

@@ -1,0 +1,95 @@
+// Finds the Python package from the folder of the running program.
+#include "evaluate/python.h"
+
+#include <errno.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "base/child.h"
+#include "base/files.h"
+
+// The package, from the folder of the running program: in the tree of the build, for programs of
+// tests there, and where `cmake --install` puts it.
+static const char *const places[] = {"../daemon/python/portmet", "../../daemon/python/portmet",
+                                     PM_PYTHON_FROM_BIN};
+
+const pm_python_program pm_python_pictures = {
+    "pictures", "pictures: python3 or gnuplot is not installed (Debian: python3 python3-h5py "
+                "gnuplot-nox)"};
+
+// Writes the path of a program to `path` [size].
+static pm_status find(const pm_python_program *program, char *path, size_t size) {
+    char own[PATH_MAX];
+    const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
+    own[length > 0 ? length : 0] = '\0';
+    char *slash = strrchr(own, '/');
+    for (size_t i = 0; i < sizeof places / sizeof *places && slash != NULL; ++i) {
+        snprintf(path, size, "%.*s/%s/%s", (int)(slash - own), own, places[i], program->folder);
+        if (access(path, R_OK) == 0) {
+            return PM_OK;
+        }
+    }
+    return pm_fail(PM_EFILE,
+                   "%s: the Python package of portmet is not where it was built or installed: %s",
+                   program->folder, slash == NULL ? "/proc is needed" : path);
+}
+
+pm_status pm_python_run(const pm_python_program *program, const char *const *argument, bool quiet) {
+    char path[PATH_MAX + 64];
+    int count = 0, code = 0;
+    PM_TRY(find(program, path, sizeof path));
+    while (argument[count] != NULL) {
+        ++count;
+    }
+    char **argv = calloc((size_t)count + 4, sizeof *argv);
+    if (argv == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for %s", program->folder);
+    }
+    argv[0] = "python3";
+    argv[1] = "-B"; // leaves no compiled files in folders of the system
+    argv[2] = path;
+    memcpy(argv + 3, argument, (size_t)count * sizeof *argv);
+    fflush(stdout);
+    const int error = pm_child_run(argv, quiet, &code);
+    free(argv);
+    if (error != 0) {
+        return error == ENOENT ? pm_fail(PM_EFILE, "%s", program->missing)
+                               : pm_fail(PM_EFILE, "%s: python3 cannot be started: %s",
+                                         program->folder, strerror(error));
+    }
+    switch (code) {
+    case 0:
+        return PM_OK;
+    case PM_EUSAGE:
+    case PM_EFILE:
+    case PM_EDATA:
+    case PM_ENOMEM:
+    case PM_EINTERRUPTED:
+        return pm_fail((pm_status)code, "%s", "");
+    default:
+        return pm_fail(PM_EFILE, "%s: the program in Python ended with the code %d",
+                       program->folder, code);
+    }
+}
+
+pm_status pm_python_folder(const char *folder) {
+    return mkdir(folder, 0777) == 0 || errno == EEXIST
+               ? PM_OK
+               : pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
+}
+
+pm_status pm_python_table(FILE **file, const char *folder, const char *name) {
+    char path[PATH_MAX];
+    if ((size_t)snprintf(path, sizeof path, "%s/%s", folder, name) >= sizeof path) {
+        return pm_fail(PM_EFILE, "%s: the path is too long", folder);
+    }
+    return pm_files_create(file, path);
+}
+
+pm_status pm_python_table_close(FILE *file, const char *folder) {
+    const int failed = ferror(file);
+    return fclose(file) == 0 && !failed ? PM_OK : pm_fail(PM_EFILE, "%s: cannot write", folder);
+}
