@@ -110,8 +110,9 @@ static void add_end_rates(const pm_model *m, pm_data *d, const pm_port_group *gr
 }
 
 // Evaluates the law of a block unless its rates are known from a time with the same inputs, or
-// `anew` demands it. The only block of a group finds its last rates in the program. Others keep
-// them from the first time on at which they rest.
+// `anew` demands it. The only block of a group finds its last rates in the program. Blocks of one
+// port keep them; others do so from the first time on at which they rest, as copies of many ports
+// take time.
 static void run_block(const pm_model *m, pm_data *d, const pm_port_group *group, int block,
                       bool anew) {
     const int width = group->width, lane = block * width;
@@ -129,7 +130,7 @@ static void run_block(const pm_model *m, pm_data *d, const pm_port_group *group,
     if (runs) {
         pm_program_run_prepared(group->law, width);
     }
-    *kept = !any || !m->ordered || group->nblock == 1;
+    *kept = !any || !m->ordered || group->nblock == 1 || width == 1;
     for (int e = 0; e < 2 && runs && *kept && group->nblock > 1; ++e) {
         const pm_port_group_end *end = &group->end[e];
         const ptrdiff_t size = (ptrdiff_t)end->ny * width;

@@ -260,11 +260,11 @@ static void bulk_graph(const pm_model *m, pm_data *d, const pm_subsystem_group *
         }
     }
     const bool any = pm_lanes_any(width, changed);
-    // The only block of a group finds its last rates in the program. Others keep them from the
-    // first time on at which they rest.
-    const bool alone = group->nblock == 1;
+    // The only block of a group finds its last rates in the program. Blocks of one subsystem keep
+    // them; others do so from the first time on at which they rest.
+    const bool alone = group->nblock == 1, keeps = !alone && (!any || width == 1);
     bool *kept = &d->bulk_kept[group->first_block + block];
-    const double *rate = any || alone ? group->bulk_rate : d->bulk_rate + first;
+    const double *rate = keeps ? d->bulk_rate + first : group->bulk_rate;
     count_resting(width, changed, d->rested + lane);
     if (any || !*kept) {
         for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
@@ -273,12 +273,12 @@ static void bulk_graph(const pm_model *m, pm_data *d, const pm_subsystem_group *
             }
         }
         pm_program_run_prepared(group->bulk, width);
-        if (!any && !alone) {
+        if (keeps) {
             memcpy(d->bulk_rate + first, group->bulk_rate, (size_t)size * sizeof *k);
         }
     }
     memcpy(k, rate, (size_t)size * sizeof *k);
-    *kept = !any || alone;
+    *kept = keeps || alone;
     const pm_lane_flux flux = pm_lane_flux_from(&d->bulk, lane);
     pm_lanes_book(
         group->nz, width, weight, d->substep == 0 && d->stage == 0, d->shown[PM_SHOWN_DE] + first,
