@@ -96,18 +96,19 @@ function layOut(s) {
     p[node] = [-n * Math.cos(angle), n * 0.3 * Math.sin(angle)];
   });
   for (let round = 0; round < (n < 60 ? 500 : 150); ++round) {
-    p = p.map((at, i) => {
+    // One node after the other: if both of a pair moved at once, they would meet.
+    for (let i = 0; i < n; ++i) {
       let sum = 0, x = 0, y = 0;
       for (let k = 0; k < n; ++k) {
         if (k === i) continue;
-        const w = 1 / (d[i][k] * d[i][k]), dx = at[0] - p[k][0], dy = at[1] - p[k][1];
+        const w = 1 / (d[i][k] * d[i][k]), dx = p[i][0] - p[k][0], dy = p[i][1] - p[k][1];
         const length = Math.hypot(dx, dy) || 1e-9;
         sum += w;
         x += w * (p[k][0] + d[i][k] * dx / length);
         y += w * (p[k][1] + d[i][k] * dy / length);
       }
-      return sum > 0 ? [x / sum, y / sum] : at;
-    });
+      if (sum > 0) p[i] = [x / sum, y / sum];
+    }
   }
   return turn(p);
 }
