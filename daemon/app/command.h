@@ -21,6 +21,8 @@ typedef struct pm_run_options {
     const char *inputs; // values of live inputs
     const char *hosts;  // of the processes, for `emit`
     const char *fmi;    // version of the FMU that is written
+    const char *text;   // of the scene; NULL: that of the file `scene`
+    const char *other;  // folder of the weights that another host has
     int64_t steps;      // number of steps of the run; 0: as the scene says
     int64_t session;    // number of the session to join or to open; 0: no session was given
     int64_t port, udp;  // numbers of ports; 0: not given
@@ -28,6 +30,8 @@ typedef struct pm_run_options {
     bool stays;               // a node serves one run after another
     bool elsewhere;           // nobody launches the nodes here
     bool held, endless, wait; // a run is held at its start; it has no last step; until it ends
+    bool here;                // a test uses the network that is there
+    bool json;                // results are printed as JSON
     bool coordinator_speaks;  // a node leaves it to the coordinator to print why the run has failed
     pm_journal log;           // of the lines on standard error
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
@@ -60,7 +64,9 @@ enum {
     PM_OPTION_FOLDER = 1 << 22, // --record, of a folder
     PM_OPTION_START = 1 << 23,  // of a run: --held, --endless, --wait, --pace
     PM_OPTION_STATE = 1 << 24,  // --state, --inputs
-    PM_OPTION_INPUTS = 1 << 25
+    PM_OPTION_INPUTS = 1 << 25,
+    PM_OPTION_TEST = 1 << 26, // --here, --other
+    PM_OPTION_JSON = 1 << 27
 };
 
 typedef struct pm_command {
@@ -76,6 +82,6 @@ typedef struct pm_command {
 extern const pm_command pm_command_run, pm_command_serve, pm_command_node, pm_command_coordinator,
     pm_command_status, pm_command_view, pm_command_export, pm_command_emit, pm_command_check,
     pm_command_start, pm_command_pause, pm_command_resume, pm_command_advance, pm_command_set,
-    pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload;
+    pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload, pm_command_test;
 
 #endif

@@ -14,7 +14,7 @@ static const pm_command *const commands[] = {
     &pm_command_resume,      &pm_command_advance, &pm_command_set,    &pm_command_reset,
     &pm_command_stop,        &pm_command_query,   &pm_command_reload, &pm_command_node,
     &pm_command_coordinator, &pm_command_status,  &pm_command_view,   &pm_command_export,
-    &pm_command_emit,        &pm_command_check,
+    &pm_command_emit,        &pm_command_check,   &pm_command_test,
 };
 enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 40, MOST_PORT = 65535 };
 
@@ -117,6 +117,14 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
                                        "values of the live inputs, in the order of query")},
         {PM_OPTION_RECORDING, text_option("--recording", "FILE", &run->recording,
                                           "show this recording instead of a run")},
+        {PM_OPTION_TEST,
+         {.name = "--here",
+          .on = &run->here,
+          .help = "use the network that is there, not a private one"}},
+        {PM_OPTION_TEST, text_option("--other", "DIR", &run->other,
+                                     "let the last process take its weights from DIR, as on "
+                                     "another host")},
+        {PM_OPTION_JSON, {.name = "--json", .on = &run->json, .help = "print results as JSON"}},
     };
     int count = 0;
     for (int i = 0; i < MOST_OPTIONS; ++i) {
@@ -187,7 +195,7 @@ int main(int argc, char **argv) {
                  "conserved and entropy\nnever falls.",
         .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
                  "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
-                 "12 interrupted.",
+                 "12 interrupted, 14 a scene under test has not held.",
         .count = NCOMMAND,
         .command = list,
     };

@@ -11,7 +11,8 @@
 pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose) {
     pm_scene *scene = NULL;
     *setup = (pm_setup){0};
-    PM_TRY(pm_scene_load(&scene, options->scene));
+    PM_TRY(options->text == NULL ? pm_scene_load(&scene, options->scene)
+                                 : pm_scene_parse(&scene, options->text, options->scene));
     PM_TRY(pm_setup_open(setup, scene, options->weights));
     PM_TRY(pm_connect_check(scene));
     if (options->url != NULL) {

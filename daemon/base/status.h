@@ -21,7 +21,8 @@ typedef enum pm_status {
     PM_ELAW = 10,    // a law of thermodynamics was violated beyond its tolerance
     PM_ENOMEM = 11,  // out of memory
     PM_EINTERRUPTED = 12, // SIGINT, SIGTERM or SIGHUP
-    PM_EUNFIT = 13        // a trained model is not finite or predicts worse than a constant state
+    PM_EUNFIT = 13,       // a trained model is not finite or predicts worse than a constant state
+    PM_EBROKEN = 14       // a scene under test or stress has not held
 } pm_status;
 
 // Stores the description of a failure for the calling thread and returns `code`. The description is

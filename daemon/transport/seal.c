@@ -171,8 +171,7 @@ typedef struct sealed_subscription {
 } sealed_subscription;
 
 typedef struct sealed {
-    const pm_transport_table *table; // of the transport beneath
-    void *beneath;
+    pm_transport_front front;
     pm_seal *seal;
     pm_drops *drops;
     unsigned char *data; // [capacity] a message with its seal
@@ -186,7 +185,7 @@ typedef struct sealed {
 
 static void sealed_close(void *state) {
     sealed *s = state;
-    s->table->close(s->beneath);
+    s->front.table->close(s->front.beneath);
     pm_seal_close(s->seal);
     while (s->subscriptions != NULL) {
         sealed_subscription *next = s->subscriptions->next;
@@ -210,8 +209,7 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
         free(s);
         return status;
     }
-    s->table = table;
-    s->beneath = beneath;
+    s->front = (pm_transport_front){table, beneath};
     s->drops = drops;
     s->on_clock = on_clock;
     s->context = context;
@@ -252,7 +250,7 @@ static pm_status sealed_subscribe(void *state, const char *channel, pm_message_h
     }
     *made = (sealed_subscription){s->subscriptions, s, handler, context};
     s->subscriptions = made;
-    return s->table->subscribe(s->beneath, channel, check, made);
+    return pm_front_subscribe(s, channel, check, made);
 }
 
 static pm_status sealed_publish(void *state, const char *channel, const void *data, size_t size) {
@@ -270,23 +268,13 @@ static pm_status sealed_publish(void *state, const char *channel, const void *da
         memcpy(s->data, data, size);
     }
     size += pm_seal_write(s->seal, channel, s->data, size, pm_seal_clock(s->seal));
-    return s->table->publish(s->beneath, channel, s->data, size);
-}
-
-static pm_status sealed_wait(void *state, double seconds, int *handled) {
-    const sealed *s = state;
-    return s->table->wait(s->beneath, seconds, handled);
-}
-
-static int sealed_file(const void *state) {
-    const sealed *s = state;
-    return s->table->file(s->beneath);
+    return pm_front_publish(s, channel, s->data, size);
 }
 
 const pm_transport_table pm_transport_sealed = {
     .close = sealed_close,
     .subscribe = sealed_subscribe,
     .publish = sealed_publish,
-    .wait = sealed_wait,
-    .file = sealed_file,
+    .wait = pm_front_wait,
+    .file = pm_front_file,
 };

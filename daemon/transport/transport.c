@@ -46,6 +46,7 @@ static pm_status find(const char *url, const pm_transport_table **table) {
 pm_status pm_transport_check(const char *url) {
     const pm_transport_table *table = NULL;
     PM_TRY(find(url, &table));
+    PM_TRY(pm_transport_faulty_open(url, &table, NULL));
     return table->check(url);
 }
 
@@ -78,7 +79,13 @@ pm_status pm_transport_open(pm_transport **transport, const char *url) {
     pm_transport *made = NULL;
     PM_TRY(find(url, &table));
     PM_TRY(pm_transport_make(&made, table, NULL));
-    const pm_status status = table->open(&made->state, url, &made->drops);
+    pm_status status = table->open(&made->state, url, &made->drops);
+    if (status == PM_OK) {
+        status = pm_transport_faulty_open(url, &made->table, &made->state);
+        if (status != PM_OK) {
+            table->close(made->state);
+        }
+    }
     if (status != PM_OK) {
         free(made);
         return status;
@@ -100,15 +107,14 @@ void pm_transport_close(pm_transport *transport) {
 // so that LCM programs see a run whose processes talk in another way.
 
 typedef struct tapped {
-    const pm_transport_table *table; // of the transport beneath
-    void *beneath;
+    pm_transport_front front;
     void *lcm; // the state of an LCM transport
     pm_tap tap;
 } tapped;
 
 static void tapped_close(void *state) {
     tapped *t = state;
-    t->table->close(t->beneath);
+    t->front.table->close(t->front.beneath);
     pm_transport_lcm.close(t->lcm);
     free(t);
 }
@@ -126,31 +132,15 @@ static pm_status tapped_publish(void *state, const char *channel, const void *da
         // Nobody in the run waits for this message.
         (void)pm_transport_lcm.publish(t->lcm, channel, data, size);
     }
-    return t->table->publish(t->beneath, channel, data, size);
-}
-
-static pm_status tapped_subscribe(void *state, const char *channel, pm_message_handler *handler,
-                                  void *context) {
-    const tapped *t = state;
-    return t->table->subscribe(t->beneath, channel, handler, context);
-}
-
-static pm_status tapped_wait(void *state, double seconds, int *handled) {
-    const tapped *t = state;
-    return t->table->wait(t->beneath, seconds, handled);
-}
-
-static int tapped_file(const void *state) {
-    const tapped *t = state;
-    return t->table->file(t->beneath);
+    return pm_front_publish(state, channel, data, size);
 }
 
 static const pm_transport_table tapped_table = {
     .close = tapped_close,
-    .subscribe = tapped_subscribe,
+    .subscribe = pm_front_subscribe,
     .publish = tapped_publish,
-    .wait = tapped_wait,
-    .file = tapped_file,
+    .wait = pm_front_wait,
+    .file = pm_front_file,
 };
 
 pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
@@ -158,7 +148,7 @@ pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
     if (t == NULL) {
         return pm_fail(PM_ENOMEM, "tap: out of memory");
     }
-    *t = (tapped){.table = transport->table, .beneath = transport->state, .tap = *tap};
+    *t = (tapped){.front = {transport->table, transport->state}, .tap = *tap};
     const pm_status status = pm_transport_lcm.open(&t->lcm, tap->url, &transport->drops);
     if (status != PM_OK) {
         free(t);

@@ -1,42 +1,60 @@
 #!/bin/sh
-# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING: a run in separate processes over LCM records the
-# same bits as one in a single process; launched by `run` or by hand, and whatever the window.
+# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING: `portmetd test` finds the same bits for every integrator,
+# for co-energies and for chains, whatever the cut and however processes and messages are lost; and it finds what
+# is wrong: other weights at one end, other bits, a law that is not kept. Runs side by side keep apart.
 . "$(dirname "$0")/network.sh"
 
-"$portmetd" run "$scene" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
-
-for window in 1 4; do
-    sed "/^time:/i lockstep: {window: $window}" "$scene" >"$folder/scene_$window.yaml"
-    record=$folder/window_$window.h5
-    start run run "$folder/scene_$window.yaml" --quiet --record "$record"
-    ends run $pid 0 ""
-    "$same_recording" "$folder/plain.h5" "$record" || fail "window $window"
-done
-
-# Both subsystems in one process, which talk without sockets.
-sed "/^time:/i processes: {both: [left, right]}" "$scene" >"$folder/scene_both.yaml"
-start run run "$folder/scene_both.yaml" --quiet --record "$folder/both.h5"
-ends run $pid 0 ""
-"$same_recording" "$folder/plain.h5" "$folder/both.h5" || fail "one process"
-
-# An integrator that iterates the new state (fluxes carry responses too), and one that balances it.
-for integrator in discrete_gradient rk4_balanced; do
+# good SCENE RUNS: `test` makes so many runs, and all is well.
+good() {
+    "$portmetd" test "$1" >"$folder/test.out" 2>"$folder/test.err" || fail "$1: $(cat "$folder/test.out")"
+    grep -q "^All $2 runs gave the same bits and kept both laws" "$folder/test.out" ||
+        fail "$1: expected $2 runs: $(cat "$folder/test.out")"
+}
+"$portmetd" test "$scene" >"$folder/test.out"
+mpi=$(grep -c 'over MPI .*the same bits' "$folder/test.out")
+for integrator in rk4 discrete_gradient rk4_balanced; do
     sed "s/integrator: [a-z0-9_]*/integrator: $integrator/" "$scene" >"$folder/scene_$integrator.yaml"
-    "$portmetd" run "$folder/scene_$integrator.yaml" --in-process --quiet \
-        --record "$folder/$integrator.h5" || fail "$integrator in process"
-    "$same_recording" "$folder/plain.h5" "$folder/$integrator.h5" 2>/dev/null &&
-        fail "$integrator makes no difference"
-    start run run "$folder/scene_$integrator.yaml" --quiet --record "$folder/${integrator}_lcm.h5"
-    ends run $pid 0 ""
-    "$same_recording" "$folder/$integrator.h5" "$folder/${integrator}_lcm.h5" || fail "$integrator"
+    good "$folder/scene_$integrator.yaml" $((12 + mpi))
 done
+good "$(dirname "$0")/../support/coenergies.yaml" $((14 + mpi))
+good "$(dirname "$0")/../../configs/chain_3.yaml" $((14 + mpi))
+sed 's/substeps: [0-9]*/tolerance: 1.0e-3/' "$scene" >"$folder/scene_adaptive.yaml"
+good "$folder/scene_adaptive.yaml" $((8 + mpi))
+grep -q 'killed .*skipped: a scene with a tolerance keeps no checkpoints' "$folder/test.out" || fail "no word of what is skipped"
 
-# States that hold co-energies.
-shown=$(dirname "$0")/../support/coenergies.yaml
-"$portmetd" run "$shown" --in-process --quiet --record "$folder/shown.h5" || fail "co-energies in process"
-start run run "$shown" --quiet --record "$folder/shown_lcm.h5"
-ends run $pid 0 ""
-"$same_recording" "$folder/shown.h5" "$folder/shown_lcm.h5" || fail "co-energies"
+# wrong CODE PATTERN ARGUMENT...: `test` ends with this code, and its error says why.
+wrong() {
+    code=$1
+    pattern=$2
+    shift 2
+    "$portmetd" test "$@" >"$folder/test.out" 2>"$folder/test.err"
+    found=$?
+    [ $found -eq "$code" ] || fail "test $*: expected exit code $code, found $found"
+    grep -q -e "$pattern" "$folder/test.err" || fail "test $*: expected \"$pattern\", found $(cat "$folder/test.err")"
+}
+mkdir "$folder/other"
+cp "$folder"/*.h5 "$folder/other"
+"$portmetd" test "$scene" --here --other "$folder/other" --json >"$folder/test.json" || fail "the same weights on another host"
+python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert t["failed"] == 0 and t["ports"][0]["used"] and len(t["runs"]) > 12' \
+    "$folder/test.json" || fail "--json"
+cp "$folder/idle.h5" "$folder/other/right.h5"
+wrong 14 "1 of 1[0-9] runs failed, the first the last process with .*--other: .*node right holds another" "$scene" \
+    --other "$folder/other"
+sed '/^time:/i laws: {energy: 1.0e-30}' "$scene" >"$folder/scene_strict.yaml"
+wrong 10 "energy residual" "$folder/scene_strict.yaml"
+wrong 2 "live inputs need a recording" "$(dirname "$0")/../../configs/live_double_pendulum.yaml"
+start interrupted test "$scene" --steps 300 --here
+wait_until grep -q 'a process each' "$folder/interrupted.out" || fail "no test to interrupt"
+kill -INT $pid
+ends interrupted $pid 12 "interrupted"
+no_orphans "interrupted" ""
+
+# What differs is named: the earliest step, then the state.
+"$portmetd" run "$scene" --in-process --quiet --record "$folder/plain.h5" || fail "in process"
+"$portmetd" run "$scene" --in-process --quiet --weights "$folder/other" --record "$folder/idle.h5.run" || fail "idle"
+"$same_recording" "$folder/plain.h5" "$folder/idle.h5.run" 2>"$folder/differs" && fail "other weights make no difference"
+grep -q 'subsystems/right, z .* at step 1: ' "$folder/differs" || grep -q 'subsystems/right, .* at step 0: ' "$folder/differs" ||
+    fail "expected the first difference: $(cat "$folder/differs")"
 
 # Two runs of the same scene at once keep apart.
 start one run "$scene" --quiet --record "$folder/one.h5"

@@ -35,14 +35,14 @@ in_order() {
 }
 
 # The folders in the order data flows.
-in_order daemon '' base store graph model scene sim library export transport lockstep app examples
+in_order daemon '' base store graph model scene sim library export transport lockstep study app examples
 in_order trainer '' truth data loss optimise shooting inference evaluate fit propose bodies command
 in_order trainer/bodies bodies/ mesh field truth solid modal command
 
 found=$(includes daemon | grep -E ':(trainer|truth)/')
 [ -z "$found" ] || fail "daemon/ includes the trainer: $found"
-found=$(includes trainer | grep -E ':(library|export|transport|lockstep|app)/')
-[ -z "$found" ] || fail "trainer/ includes library, export, transport, lockstep or app: $found"
+found=$(includes trainer | grep -E ':(library|export|transport|lockstep|study|app)/')
+[ -z "$found" ] || fail "trainer/ includes library, export, transport, lockstep, study or app: $found"
 # A first proposal looks at data alone: it neither trains nor evaluates. The search tries training files by short fits.
 found=$(includes trainer/propose | grep -vE '^trainer/propose/search\.[ch]:' | grep -E ':(truth|loss|optimise|shooting|inference|evaluate|fit|sim|graph)/')
 [ -z "$found" ] || fail "trainer/propose includes more than data, models and scenes: $found"

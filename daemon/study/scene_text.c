@@ -1,0 +1,70 @@
+// Sections of a scene file are found by their lines: a section begins with its key in the first
+// column, and goes on until the next line that begins with a letter there. Comments before the next
+// key belong to it.
+#include "study/scene_text.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+pm_status pm_scene_text_read(const char *path, char **text) {
+    size_t size = 0;
+    FILE *file = fopen(path, "r");
+    *text = NULL;
+    const bool read = file != NULL && getdelim(text, &size, '\0', file) > 0;
+    const int error = errno;
+    if (file != NULL) {
+        fclose(file);
+    }
+    if (!read) {
+        free(*text);
+        *text = NULL;
+        return pm_fail(PM_EFILE, "%s: %s", path, file == NULL ? strerror(error) : "is empty");
+    }
+    return PM_OK;
+}
+
+static char *next_line(char *at) {
+    at += strcspn(at, "\n");
+    return *at == '\n' ? at + 1 : at;
+}
+
+pm_status pm_scene_text_put(char **text, const char *key, const char *value) {
+    const size_t length = strlen(key);
+    char *first = *text, *made = NULL;
+    while (*first != '\0' && (strncmp(first, key, length) != 0 || first[length] != ':')) {
+        first = next_line(first);
+    }
+    char *end = *first == '\0' ? first : next_line(first);
+    for (char *line = end; line != first && *line != '\0' && !isalpha((unsigned char)*line);) {
+        const bool belongs = *line == ' ' || *line == '}' || *line == ']' || *line == '-';
+        line = next_line(line);
+        end = belongs ? line : end;
+    }
+    const bool ends = first == *text || first[-1] == '\n';
+    const int size = value == NULL ? asprintf(&made, "%.*s%s", (int)(first - *text), *text, end)
+                                   : asprintf(&made, "%.*s%s%s: %s\n%s", (int)(first - *text),
+                                              *text, ends ? "" : "\n", key, value, end);
+    if (size < 0) {
+        return pm_fail(PM_ENOMEM, "out of memory for a scene");
+    }
+    free(*text);
+    *text = made;
+    return PM_OK;
+}
+
+pm_status pm_scene_text_put_time(char **text, const pm_stepping *s) {
+    char value[256], dt[32], tolerance[64] = "";
+    if (s->tolerance != 0) {
+        snprintf(tolerance, sizeof tolerance, ", tolerance: %.12g", s->tolerance);
+    }
+    snprintf(dt, sizeof dt, "%.15g", s->dt);
+    if (strtod(dt, NULL) != s->dt) {
+        snprintf(dt, sizeof dt, "%.17g", s->dt);
+    }
+    snprintf(value, sizeof value, "{dt: %s, steps: %d, integrator: %s, substeps: %d%s}", dt,
+             s->steps, s->integrator->name, s->substeps, tolerance);
+    return pm_scene_text_put(text, "time", value);
+}

@@ -1,0 +1,28 @@
+// The text of a scene file with other sections than it has. A study changes the text instead of the
+// scene in memory, so that a changed scene passes every check of the reader, and can be written.
+#ifndef PM_STUDY_SCENE_TEXT_H
+#define PM_STUDY_SCENE_TEXT_H
+
+#include "scene/scene.h"
+
+// Reads the file at `path` to *text, which the caller frees. PM_EFILE; PM_ENOMEM.
+pm_status pm_scene_text_read(const char *path, char **text);
+
+// Replaces the top-level section `key` of *text by the line "key: value", at the place where the
+// section stood, or at the end if there was none. With `value` NULL the section is removed. *text
+// is freed and replaced. PM_ENOMEM.
+pm_status pm_scene_text_put(char **text, const char *key, const char *value);
+
+// How a run steps through time.
+typedef struct pm_stepping {
+    const pm_integrator *integrator;
+    int substeps;     // of a step; with a tolerance, their smallest number
+    double tolerance; // relative error of a substep; 0: substeps are fixed
+    double dt;        // s, of a step
+    int steps;
+} pm_stepping;
+
+// Replaces the section `time` of *text. Fails as pm_scene_text_put.
+pm_status pm_scene_text_put_time(char **text, const pm_stepping *stepping);
+
+#endif
