@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "bodies/field/xdmf.h"
+#include "bodies/command/fields.h"
 #include "tests/support/scratch.h"
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 8, DEPTH = 16, LONGEST = 64 };

@@ -4,13 +4,19 @@
 #include <stdio.h>
 
 #include "base/options.h"
-#include "bodies/field/xdmf.h"
+#include "evaluate/python.h"
 
 pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int **which,
                                int *count) {
     *which = pm_arena_array(arena, (size_t)most, sizeof **which);
     PM_TRY(pm_arena_status(arena, "a list of trajectories"));
     return pm_options_list(text, most, *which, count);
+}
+
+pm_status pm_xdmf_save(const pm_field *field, const char *path) {
+    const char *const argument[] = {"xdmf", path, NULL};
+    return field->nelement == 0 ? pm_fail(PM_EDATA, "%s: the field has no hexahedra to draw", path)
+                                : pm_python_run(&pm_python_pictures, argument, true);
 }
 
 pm_status pm_fields_save(const pm_field *field, const char *path, const char *title,

@@ -6,7 +6,7 @@
 
 #include "base/path.h"
 #include "base/progress.h"
-#include "bodies/field/xdmf.h"
+#include "bodies/command/fields.h"
 #include "bodies/truth/beam.h"
 
 // Prints the largest |stored + dissipated - work| of a trajectory over its largest work, both
@@ -60,7 +60,7 @@ static void print_report(int nbody, const char *const *name, pm_field *const *fi
 
 // Simulates `count` trajectories from `first` on and prints how well energy is balanced. Writes the
 // fields of each body (bodies/field/field.h) to a file of its own: `path`, or for a body with a
-// name `path` with the name before its ending. An XDMF file (bodies/field/xdmf.h) stands beside
+// name `path` with the name before its ending. An XDMF file stands beside
 // each.
 static pm_status write_fields(const pm_truth *truth, int first, int count, const char *command,
                               const char *path, const volatile sig_atomic_t *stop) {

@@ -6,6 +6,7 @@
     python3 pictures columns FOLDER DATA NAME                         measured.png: the dataset NAME of DATA
     python3 pictures boxes FOLDER TITLE TABLE TABLE LABEL...          errors.png: tested, and trained on ('': none)
     python3 pictures bodies FIELD... --output FILE [options]          as `portmet-train picture --help` says
+    python3 pictures xdmf FIELD                                       FIELD's name with .xdmf: for ParaView
 
 A failure is one line on standard error, and the exit code of its class."""
 import os
@@ -18,7 +19,7 @@ FILE = 4  # exit code
 
 
 def main(kind, *words):
-    if kind in ("estimate", "columns", "bodies"):
+    if kind not in ("fit", "evaluation", "boxes"):
         try:
             import h5py  # noqa: F401
         except ImportError as error:  # goes on with Debian's Python where this one has no packages
@@ -27,9 +28,10 @@ def main(kind, *words):
                 os.environ["PORTMET_PICTURES"] = debian
                 os.execv(debian, [debian, "-B", *sys.argv])
             raise Refused(FILE, f"pictures are drawn by Python, which lacks {error.name}: apt-get install python3-h5py") from None
-    if kind == "bodies":
+    if kind in ("bodies", "xdmf"):
         import bodies
-        bodies.draw(*words)
+        import xdmf
+        (bodies.draw if kind == "bodies" else xdmf.describe)(*words)
     elif kind in ("estimate", "columns"):
         import measured
         getattr(measured, kind)(*words)
