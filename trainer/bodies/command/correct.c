@@ -1,8 +1,9 @@
 // portmet-train correct: corrects the fields of a simulation by better known fields.
+#include "base/files.h"
 #include "base/options.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
-#include "bodies/solid/correction.h"
+#include "evaluate/python.h"
 
 typedef struct correct_arguments {
     const char *fields, *known, *trajectories, *output;
@@ -36,21 +37,25 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
     }
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
-    pm_field *own = NULL, *known = NULL, *corrected = NULL;
+    // The fields are checked here, and corrected by the Python package.
+    pm_field *own = NULL, *known = NULL;
     pm_arena arena = {0};
     int count = 0, *which = NULL;
+    const char *list = "";
     pm_status status;
     PM_TRY_DONE(pm_field_load(&own, a.fields));
     PM_TRY_DONE(pm_field_load(&known, a.known));
     PM_TRY_DONE(pm_trajectories_list(a.trajectories, known->ntrajectory, &arena, &which, &count));
-    PM_TRY_DONE(pm_correct(&corrected, own, known, count, which));
-    status = pm_fields_save(corrected, a.output,
-                            "Fields of a simulation, corrected by better known ones",
-                            "portmet-train correct", command);
+    PM_TRY_DONE(pm_files_check_output(a.output, true));
+    for (int i = 0; i < count && list != NULL; ++i) {
+        list = pm_arena_printf(&arena, "%s%s%d", list, i > 0 ? "," : "", which[i]);
+    }
+    PM_TRY_DONE(pm_arena_status(&arena, "a list of trajectories"));
+    const char *const argument[] = {"correct", a.output, command, list, a.fields, a.known, NULL};
+    status = pm_python_run(&pm_python_pictures, argument, false);
 done:
     pm_arena_free(&arena);
     pm_field_free(own);
     pm_field_free(known);
-    pm_field_free(corrected);
     return status;
 }

@@ -1,4 +1,4 @@
-"""Draws the pictures of portmet-train with gnuplot. The script of each picture stays beside it.
+"""Draws the pictures of portmet-train with gnuplot, the script of each beside it, and works on files of fields.
 
     python3 pictures fit FOLDER                                       fit.png from fit.csv, if there is gnuplot
     python3 pictures evaluation FOLDER                                from the tables that `evaluate` wrote there
@@ -7,6 +7,7 @@
     python3 pictures boxes FOLDER TITLE TABLE TABLE LABEL...          errors.png: tested, and trained on ('': none)
     python3 pictures bodies FIELD... --output FILE [options]          as `portmet-train picture --help` says
     python3 pictures xdmf FIELD                                       FIELD's name with .xdmf: for ParaView
+    python3 pictures correct FILE COMMAND LIST FIELD FIELD            FILE: the first FIELD, corrected by the second
 
 A failure is one line on standard error, and the exit code of its class."""
 import os
@@ -28,10 +29,11 @@ def main(kind, *words):
                 os.environ["PORTMET_PICTURES"] = debian
                 os.execv(debian, [debian, "-B", *sys.argv])
             raise Refused(FILE, f"pictures are drawn by Python, which lacks {error.name}: apt-get install python3-h5py") from None
-    if kind in ("bodies", "xdmf"):
+    if kind in ("bodies", "xdmf", "correct"):
         import bodies
+        import correction
         import xdmf
-        (bodies.draw if kind == "bodies" else xdmf.describe)(*words)
+        {"bodies": bodies.draw, "xdmf": xdmf.describe, "correct": correction.run}[kind](*words)
     elif kind in ("estimate", "columns"):
         import measured
         getattr(measured, kind)(*words)
