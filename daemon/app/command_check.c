@@ -265,7 +265,7 @@ static pm_status print_channels(const pm_scene *scene) {
     char channel[PM_CHANNEL_SIZE];
     printf("\nchannels that a spy sees\n");
     for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
-        PM_TRY(pm_channel_scene(channel, scene, words[i]));
+        PM_TRY(pm_channel_scene(channel, scene->name, words[i]));
         printf("  %s\n", channel);
     }
     for (int i = 0; i < scene->network.nprocess && i < PM_SCENE_LISTED; ++i) {

@@ -20,6 +20,7 @@
 #include "app/supervise.h"
 #include "base/options.h"
 #include "library/local_run.h"
+#include "library/names.h"
 #include "lockstep/control.h"
 #include "lockstep/gate.h"
 #include "lockstep/node.h"
@@ -394,12 +395,14 @@ static void put_digest(FILE *file, const pm_component *component) {
 
 // Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
 // "subsystems": [{"name", "groups": [[name, unit, size]], "weights", "loss"}], "ports": [{"name",
-// "law", "ends", "weights", "loss"}], "inputs": [[name, channel]]}. Names need no quoting.
+// "law", "ends", "weights", "loss"}], "inputs": [[name, channel, unit]]}. Names need no quoting.
 static pm_status describe(service *s, char **text) {
     const pm_scene *scene = s->setup.scene;
     const pm_physics *physics = &scene->physics;
     char unit[128];
     size_t size;
+    pm_scene_variables variables;
+    PM_TRY(pm_scene_variable_names(&variables, scene, &s->setup.arena));
     FILE *file = open_memstream(text, &size);
     if (file == NULL) {
         return pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
@@ -428,10 +431,17 @@ static pm_status describe(service *s, char **text) {
         put_digest(file, &s->setup.system->component[physics->nsubsystem + i]);
     }
     fputs("],\"inputs\":[", file);
-    for (int i = 0, n = 0; i < scene->network.nlive_input; ++i) {
-        const pm_scene_live_input *input = &scene->network.live_input[i];
+    for (int j = 0, n = 0; j < scene->network.nlive_input; ++j) {
+        const pm_scene_live_input *input = &scene->network.live_input[j];
         for (int k = 0; k < input->count; ++k) {
-            fprintf(file, "%s[\"%s\",\"%s\"]", n++ == 0 ? "" : ",", input->name[k], input->channel);
+            const char *of = "?"; // of the first quantity that it gives
+            for (int i = physics->nprescribed - 1; i >= 0; --i) {
+                of = s->setup.boundary_input.live_id[i] == n ? variables.input.unit[i] : of;
+            }
+            pm_json_quote(unit, sizeof unit, of);
+            fprintf(file, "%s[\"%s\",\"%s\",%s]", n == 0 ? "" : ",", input->name[k], input->channel,
+                    unit);
+            n += 1;
         }
     }
     fputs("]}", file);

@@ -129,7 +129,7 @@ static pm_status execute(const pm_run_options *options) {
     l.health.nprocess = scene->network.nprocess;
     PM_TRY_DONE(pm_health_alloc(&l.health, &arena));
     PM_TRY_DONE(pm_connect_open(&transport, scene, address, "status", &options->log));
-    PM_TRY_DONE(pm_channel_scene(channel, scene, "HEALTH"));
+    PM_TRY_DONE(pm_channel_scene(channel, scene->name, "HEALTH"));
     PM_TRY_DONE(pm_transport_subscribe(transport, channel, on_health, &l));
     for (const double end = pm_clock() + PATIENCE; !l.heard && pm_clock() < end;) {
         PM_TRY_DONE(pm_transport_wait(transport, INTERVAL, NULL));

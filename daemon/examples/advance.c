@@ -50,7 +50,7 @@ static void ask(asking *c, int kind, int64_t steps) {
     c->request.nonce += 1;
     c->request.steps = steps;
     c->kind = PORTMET_CONTROL_REPLY_T_AGAIN;
-    while (c->kind == PORTMET_CONTROL_REPLY_T_AGAIN) {
+    while (c->kind >= PORTMET_CONTROL_REPLY_T_AGAIN) { // or PENDING
         portmet_control_t_publish(c->lcm, c->channel, &c->request);
         if (lcm_handle_timeout(c->lcm, wait) <= 0 && wait < 1000) {
             wait *= 2;
@@ -72,7 +72,7 @@ int main(int argc, char **argv) {
     snprintf(replies, sizeof replies, "%s_REPLY", scene);
     c.request.client = ((int64_t)now.tv_sec << 30) + now.tv_nsec + getpid();
     c.request.sender = (char *)"advance";
-    c.request.record = (char *)"";
+    c.request.file = (char *)"";
     c.request.held = 1;
     portmet_control_reply_t_subscribe(c.lcm, replies, on_reply, &c);
     ask(&c, PORTMET_CONTROL_T_START, 0);

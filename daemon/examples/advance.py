@@ -56,7 +56,7 @@ def ask(kind, steps=0):
         request.ticket = reply.ticket
         if reply.kind == reply.REFUSED:
             sys.exit("refused: " + reply.text)
-        if reply.kind != reply.AGAIN:
+        if reply.kind not in (reply.AGAIN, reply.PENDING):
             return reply
 
 

@@ -7,6 +7,7 @@
 #include "base/linalg.h"
 #include "library/local_run.h"
 #include "library/names.h"
+#include "library/remote_scene.h"
 
 struct portmet_scene {
     pm_setup setup;
@@ -15,6 +16,7 @@ struct portmet_scene {
     double *input; // [nprescribed] held values, NaN: the scene's own
     double ledger[PORTMET_LEDGER_SIZE];
     pm_recording *recording; // NULL: nobody records
+    pm_remote_scene *remote; // that other processes step; NULL: it is stepped here
 };
 
 const char *portmet_version(void) {
@@ -99,8 +101,40 @@ int portmet_scene_parse(portmet_scene **scene, const char *text, const char *pat
     return (int)status;
 }
 
+int portmet_scene_connect(portmet_scene **scene, const char *name, const char *url,
+                          const char *key_file, const char *record, double patience) {
+    const pm_remote_address address = {
+        .name = name,
+        .url = url == NULL ? "udpm://239.255.76.67:7667?ttl=0" : url,
+        .key_file = key_file,
+        .record = record,
+        .patience = patience > 0 ? patience : 10,
+    };
+    portmet_scene *s = calloc(1, sizeof *s);
+    pm_status status = pm_fail(PM_ENOMEM, "out of memory for a scene");
+    if (s != NULL && (s->remote = calloc(1, sizeof *s->remote)) != NULL) {
+        status = pm_remote_scene_open(s->remote, &address);
+    }
+    if (status != PM_OK) {
+        portmet_scene_close(s);
+        return (int)status;
+    }
+    *scene = s;
+    return PORTMET_OK;
+}
+
 void portmet_scene_close(portmet_scene *scene) {
-    if (scene != NULL) {
+    if (scene != NULL && scene->remote != NULL) {
+        pm_remote_scene *remote = scene->remote;
+        if (remote->running) {
+            (void)portmet_scene_stop(scene);
+        }
+        pm_remote_close(remote->client);
+        pm_transport_close(remote->transport);
+        pm_arena_free(&remote->arena);
+        free(remote);
+        free(scene);
+    } else if (scene != NULL) {
         (void)pm_recording_close(scene->recording);
         pm_local_run_close(&scene->run);
         pm_setup_free(&scene->setup);
@@ -111,6 +145,14 @@ void portmet_scene_close(portmet_scene *scene) {
 // --- stepping ---
 
 int portmet_scene_step(portmet_scene *scene, int64_t count) {
+    if (scene->remote != NULL) {
+        return count <= 0
+                   ? PORTMET_OK
+                   : (int)pm_remote_scene_ask(scene->remote, (portmet_control_t){
+                                                                 .kind = PORTMET_CONTROL_T_ADVANCE,
+                                                                 .steps = count,
+                                                             });
+    }
     pm_status status = PM_OK;
     for (int64_t i = 0; i < count && status == PM_OK; ++i) {
         status = pm_local_run_step(&scene->run);
@@ -129,6 +171,15 @@ static pm_status end_recording(portmet_scene *scene) {
 }
 
 int portmet_scene_restart(portmet_scene *scene, const double *z) {
+    if (scene->remote != NULL) {
+        return (int)pm_remote_scene_ask(scene->remote,
+                                        (portmet_control_t){
+                                            .kind = PORTMET_CONTROL_T_RESET,
+                                            .held = true,
+                                            .nz = z == NULL ? 0 : scene->remote->served->nz,
+                                            .z = (double *)z,
+                                        });
+    }
     pm_status status = end_recording(scene);
     if (status == PM_OK) {
         status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
@@ -137,25 +188,41 @@ int portmet_scene_restart(portmet_scene *scene, const double *z) {
     return (int)status;
 }
 
+int portmet_scene_stop(portmet_scene *scene) {
+    return scene->remote != NULL
+               ? (int)pm_remote_scene_ask(scene->remote,
+                                          (portmet_control_t){.kind = PORTMET_CONTROL_T_STOP})
+               : PORTMET_OK;
+}
+
 int64_t portmet_scene_steps(const portmet_scene *scene) {
-    return scene->run.sample.step;
+    return scene->remote != NULL ? scene->remote->step : scene->run.sample.step;
 }
 
 double portmet_scene_time(const portmet_scene *scene) {
-    return scene->run.sample.time;
+    return scene->remote != NULL ? scene->remote->time : scene->run.sample.time;
 }
 
 double portmet_scene_dt(const portmet_scene *scene) {
-    return scene->setup.scene->physics.dt;
+    return scene->remote != NULL ? scene->remote->served->dt : scene->setup.scene->physics.dt;
 }
 
 int64_t portmet_scene_planned(const portmet_scene *scene) {
-    return scene->setup.scene->run.steps;
+    return scene->remote != NULL ? scene->remote->served->steps : scene->setup.scene->run.steps;
 }
 
 // --- arrays and names ---
 
 const double *portmet_scene_array(const portmet_scene *scene, int array, size_t *size) {
+    if (array < PORTMET_STATE || array > PORTMET_LEDGER) {
+        return NULL;
+    }
+    if (scene->remote != NULL) {
+        if (size != NULL) {
+            *size = scene->remote->size[array];
+        }
+        return scene->remote->array[array];
+    }
     const pm_sample *sample = &scene->run.sample;
     const size_t nsubsystem = (size_t)scene->setup.scene->physics.nsubsystem;
     const struct {
@@ -171,9 +238,6 @@ const double *portmet_scene_array(const portmet_scene *scene, int array, size_t 
                           8 * (size_t)scene->setup.scene->physics.nport},
         [PORTMET_LEDGER] = {scene->ledger, PORTMET_LEDGER_SIZE},
     };
-    if (array < 0 || array >= (int)(sizeof arrays / sizeof arrays[0])) {
-        return NULL;
-    }
     if (size != NULL) {
         *size = arrays[array].size;
     }
@@ -181,11 +245,12 @@ const double *portmet_scene_array(const portmet_scene *scene, int array, size_t 
 }
 
 double *portmet_scene_inputs(portmet_scene *scene, size_t *size) {
-    const int n = scene->setup.scene->physics.nprescribed;
+    const pm_remote_scene *remote = scene->remote;
+    const int n = remote != NULL ? remote->served->nlive : scene->setup.scene->physics.nprescribed;
     if (size != NULL) {
         *size = (size_t)n;
     }
-    return n == 0 ? NULL : scene->input;
+    return n == 0 ? NULL : remote != NULL ? remote->input : scene->input;
 }
 
 static const char *name_of(const char *const *name, int count, size_t index) {
@@ -193,6 +258,12 @@ static const char *name_of(const char *const *name, int count, size_t index) {
 }
 
 const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t index) {
+    const pm_remote_scene *remote = scene->remote;
+    if (remote != NULL) {
+        return kind < 0 || kind > PORTMET_SCENE
+                   ? NULL
+                   : name_of(remote->names[kind], remote->nname[kind], index);
+    }
     const pm_scene *s = scene->setup.scene;
     const pm_scene_variables *v = &scene->variables;
     switch (kind) {
@@ -235,5 +306,11 @@ static pm_status record(portmet_scene *scene, const char *path) {
 }
 
 int portmet_scene_record(portmet_scene *scene, const char *path) {
+    if (scene->remote != NULL) {
+        return (int)pm_fail(PM_EUSAGE,
+                            "scene %s is recorded where it is stepped, under the name "
+                            "that portmet_scene_connect was given",
+                            scene->remote->name);
+    }
     return (int)record(scene, path);
 }

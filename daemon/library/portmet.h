@@ -34,6 +34,8 @@ enum portmet_status {
     PORTMET_EFILE = 4,    /* a file is missing, unreadable, truncated or of another kind */
     PORTMET_EDATA = 5,    /* a dataset lacks columns, has a wrong shape, or ends before the run */
     PORTMET_EWEIGHTS = 6, /* weights are missing, damaged or not made for this scene */
+    PORTMET_ENET = 7,     /* there is no route for multicast, or a process of the run has died */
+    PORTMET_ETIMEOUT = 8, /* nobody answers */
     PORTMET_ENUMERIC = 9, /* a value is not finite, or a guard of the scene ended the run */
     PORTMET_ELAW = 10,    /* a component in the hard form violated a law beyond its tolerance */
     PORTMET_ENOMEM = 11,  /* out of memory */
@@ -57,6 +59,20 @@ int portmet_scene_open(portmet_scene **scene, const char *path, const char *weig
  * `path`, which need not exist; errors name it. The rest is as in portmet_scene_open. */
 int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
                         const char *weights);
+
+/* Opens the scene of the name `name` that `portmetd serve` steps, on this host or another one, and
+ * begins a run there, which is held at the initial state of the scene and between the steps that
+ * this program asks for. It has the functions of a scene that is stepped here, the same arrays and
+ * the same bits, but for these: the inputs are the live inputs of the scene, all of which must be
+ * set before the first of them counts; a recording is made by the service, and ends with the run.
+ * `url` is the LCM provider; NULL: LCM's default, on this host alone. `key_file` holds the key of
+ * the scene; NULL: it has none. `record` names a recording in the folder of the service; NULL:
+ * none. `patience` is the time in s without an answer after which a call fails; 0: 10 s.
+ * PORTMET_ENET: there is no route for multicast; PORTMET_ETIMEOUT: nobody answers; PORTMET_EUSAGE:
+ * the service refuses, because a run of somebody else is under way. Closing the scene ends the run.
+ */
+int portmet_scene_connect(portmet_scene **scene, const char *name, const char *url,
+                          const char *key_file, const char *record, double patience);
 void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
 
 /* Takes `count` steps and returns after the first failure. After PORTMET_ENUMERIC or PORTMET_EDATA
@@ -66,6 +82,10 @@ int portmet_scene_step(portmet_scene *scene, int64_t count);
 /* Starts again at step 0 with an empty ledger, at the state z, which has the size and the order of
  * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends. */
 int portmet_scene_restart(portmet_scene *scene, const double *z);
+
+/* Ends the run of a scene that portmet_scene_connect has opened; portmet_scene_restart begins
+ * another. Does nothing for a scene that is stepped here. */
+int portmet_scene_stop(portmet_scene *scene);
 
 /* Returns the number of steps taken, the time in s, the length of a step in s, and the number of
  * steps that the scene file asks for. */

@@ -30,8 +30,8 @@ struct pm_control {
     pm_lockstep_coordinator *coordinator;
     pm_control_service service;
     portmet_control_t request, largest; // being decoded; arrays and largest counts
-    double *flux[2];                    // [2 * nport] energy and entropy fluxes of a reply
-    unsigned char *data;                // [capacity] the encoded reply
+    double *flux[4];     // [2 * nport] energy, entropy and both gross fluxes of a reply
+    unsigned char *data; // [capacity] the encoded reply
     size_t capacity;
     char channel[PM_CHANNEL_SIZE]; // of replies
     pm_control_run run;            // the last one
@@ -80,6 +80,10 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
         .dt = c->scene->physics.dt,
         .energy = ledger->energy,
         .entropy = ledger->entropy,
+        .first_energy = ledger->first_energy,
+        .first_entropy = ledger->first_entropy,
+        .energy_drift = ledger->energy_drift,
+        .entropy_fall = ledger->worst_entropy_fall,
         .outside_energy = ledger->outside_energy,
         .outside_entropy = ledger->outside_entropy,
         .energy_residual = ledger->worst_energy,
@@ -93,12 +97,17 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
         .nend = with_state ? 2 * physics->nport : 0,
         .energy_flux = control->flux[0],
         .entropy_flux = control->flux[1],
+        .energy_gross = control->flux[2],
+        .entropy_gross = control->flux[3],
         .nz = with_state ? physics->nz : 0,
         .z = c->last->z,
     };
     for (int i = 0; i < message.nend; ++i) {
-        message.energy_flux[i] = c->last->flux[i / 2][i % 2].energy;
-        message.entropy_flux[i] = c->last->flux[i / 2][i % 2].entropy;
+        const pm_flux *flux = &c->last->flux[i / 2][i % 2];
+        message.energy_flux[i] = flux->energy;
+        message.entropy_flux[i] = flux->entropy;
+        message.energy_gross[i] = flux->energy_gross;
+        message.entropy_gross[i] = flux->entropy_gross;
     }
     const size_t size = pm_control_reply_encode(&message, control->data, control->capacity);
     if (size > 0) { // a client that misses its reply asks again
@@ -107,9 +116,9 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
 }
 
 static void reply_again(pm_control *control, const client *to) {
-    if (to->reply != UNANSWERED) {
-        reply(control, to, to->nonce, to->reply, to->code, to->text, 0);
-    }
+    const bool pending = to->reply == UNANSWERED;
+    reply(control, to, to->nonce, pending ? PORTMET_CONTROL_REPLY_T_PENDING : to->reply, to->code,
+          pending ? "" : to->text, 0);
 }
 
 // Ends the wait of a client.
@@ -145,7 +154,7 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
     // A name without slashes, which is not hidden, leads to no other folder.
     static const char allowed[] =
         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
-    const size_t length = strlen(r->record);
+    const size_t length = strlen(r->file);
     pm_lockstep_coordinator *c = control->coordinator;
     pm_control_run *run = &control->run;
     const bool anew = r->kind == PORTMET_CONTROL_T_RESET;
@@ -165,11 +174,11 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
         return pm_fail(PM_EUSAGE, "%lld steps, at most %lld", (long long)r->steps,
                        (long long)PM_STEPS_MAX - 1);
     }
-    if (length >= NAME || r->record[0] == '.' || strspn(r->record, allowed) != length) {
+    if (length >= NAME || r->file[0] == '.' || strspn(r->file, allowed) != length) {
         return pm_fail(PM_EUSAGE, "record: expected letters, digits and \"._-\", at most %d",
                        NAME - 1);
     }
-    if (r->record[0] != 0 && !control->service.records) {
+    if (r->file[0] != 0 && !control->service.records) {
         return pm_fail(PM_EUSAGE, "record: portmetd serve was given no folder for recordings");
     }
     if (anew && control->record[0] != 0) {
@@ -179,7 +188,7 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
     if (!anew) {
         control->owner_id = from->id;
         snprintf(control->owner, sizeof control->owner, "%s", from->name);
-        snprintf(control->record, sizeof control->record, "%s", r->record);
+        snprintf(control->record, sizeof control->record, "%s", r->file);
         *run = (pm_control_run){
             .number = c->run + 1,
             .steps = r->steps,
@@ -403,15 +412,15 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
                                              .nz = scene->physics.nz,
                                              .text = "",
                                              .owner = ""};
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 4; ++i) {
         made->flux[i] = pm_arena_array(&made->arena, (size_t)longest.nend, sizeof(double));
     }
     made->capacity = pm_control_reply_size(&longest) + PM_TEXT_MAX + NAME;
     made->data = pm_arena_alloc(&made->arena, made->capacity);
     PM_TRY_DONE(pm_arena_status(&made->arena, "control"));
     PM_TRY_DONE(pm_control_alloc(&made->largest, &made->arena));
-    PM_TRY_DONE(pm_channel_scene(made->channel, scene, "REPLY"));
-    PM_TRY_DONE(pm_channel_scene(channel, scene, "CONTROL"));
+    PM_TRY_DONE(pm_channel_scene(made->channel, scene->name, "REPLY"));
+    PM_TRY_DONE(pm_channel_scene(channel, scene->name, "CONTROL"));
     PM_TRY_DONE(pm_endpoint_subscribe(&coordinator->endpoint, channel, on_control, made));
     *control = made;
     return PM_OK;

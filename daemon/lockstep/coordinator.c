@@ -1075,7 +1075,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     PM_TRY_DONE(load_checkpoint(c, given->session));
     PM_TRY_DONE(
         pm_report_window_init(&c->reports, &c->arena, scene, c->lookahead + 1, c->completed + 1));
-    PM_TRY_DONE(pm_channel_scene(c->ledger_channel, scene, "LEDGER"));
+    PM_TRY_DONE(pm_channel_scene(c->ledger_channel, scene->name, "LEDGER"));
     PM_TRY_DONE(pm_health_init(&c->health, &c->arena, scene, (int64_t)c->endpoint.system->digest,
                                c->endpoint.session, c->endpoint.steps));
     PM_TRY_DONE(

@@ -49,7 +49,7 @@ static pm_status make_identity(pm_identity *identity, const pm_system *system, c
         .sender = (char *)name,
     };
     PM_TRY(pm_channel_hello(identity->hello_channel, system->scene, name));
-    return pm_channel_scene(identity->command_channel, system->scene, "COMMAND");
+    return pm_channel_scene(identity->command_channel, system->scene->name, "COMMAND");
 }
 
 pm_status pm_identity_publish_hello(const pm_identity *identity) {
@@ -197,8 +197,8 @@ pm_status pm_endpoint_open(pm_endpoint *endpoint, const pm_handlers *handlers, v
                     name[0] == 0 ? 1 : scene->network.nprocess);
     PM_TRY(make_identity(&endpoint->identity, endpoint->system, name, asked, keeps_checkpoints,
                          transport));
-    PM_TRY(pm_channel_scene(endpoint->tick_channel, scene, "TICK"));
-    PM_TRY(pm_channel_scene(endpoint->request_channel, scene, "REQUEST"));
+    PM_TRY(pm_channel_scene(endpoint->tick_channel, scene->name, "TICK"));
+    PM_TRY(pm_channel_scene(endpoint->request_channel, scene->name, "REQUEST"));
     PM_TRY(pm_channel_request(endpoint->coordinator_address, scene, ""));
     PM_TRY(pm_channel_request(own_address, scene, name));
     PM_TRY(pm_channel_hello(coordinators, scene, ""));

@@ -20,7 +20,7 @@
 pm_status pm_vitals_init(pm_vitals *vitals, pm_arena *arena, const pm_scene *scene, int process_id,
                          int npeer) {
     portmet_vitals_t *m = &vitals->message;
-    PM_TRY(pm_channel_scene(vitals->channel, scene, "VITALS"));
+    PM_TRY(pm_channel_scene(vitals->channel, scene->name, "VITALS"));
     vitals->interval = pm_vitals_interval(scene->network.nprocess);
     *m = (portmet_vitals_t){.process = process_id, .npeer = npeer + 1, .ndrop = PM_NDROP};
     PM_TRY(pm_vitals_alloc(m, arena));
@@ -104,8 +104,8 @@ pm_status pm_health_init(pm_health *health, pm_arena *arena, const pm_scene *sce
     const int count = scene->network.nprocess;
     health->scene = scene;
     health->told_blocker = PM_HEALTH_NOBODY;
-    PM_TRY(pm_channel_scene(health->channel, scene, "HEALTH"));
-    PM_TRY(pm_channel_scene(health->vitals_channel, scene, "VITALS"));
+    PM_TRY(pm_channel_scene(health->channel, scene->name, "HEALTH"));
+    PM_TRY(pm_channel_scene(health->vitals_channel, scene->name, "VITALS"));
     health->message =
         (portmet_health_t){.session = session, .digest = digest, .steps = steps, .nprocess = count};
     health->vitals = (portmet_vitals_t){.npeer = count + 1, .ndrop = PM_NDROP};

@@ -142,7 +142,7 @@ pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, cons
         pm_report_window_init(&l->reports, &l->arena, scene, 2 * (pm_lookahead(scene) + 1), 0));
     char channel[PM_CHANNEL_SIZE];
     for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
-        PM_TRY_DONE(pm_channel_scene(channel, scene, words[i].word));
+        PM_TRY_DONE(pm_channel_scene(channel, scene->name, words[i].word));
         PM_TRY_DONE(pm_transport_subscribe(transport, channel, words[i].handler, l));
     }
     for (int i = 0; i < n; ++i) {

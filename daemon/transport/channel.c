@@ -22,8 +22,8 @@ __attribute__((format(printf, 2, 3))) static pm_status print(char *channel, cons
     return PM_OK;
 }
 
-pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *word) {
-    return print(channel, "%s_%s", scene->name, word);
+pm_status pm_channel_scene(char *channel, const char *scene, const char *word) {
+    return print(channel, "%s_%s", scene, word);
 }
 
 pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *word,

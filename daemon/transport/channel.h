@@ -10,8 +10,8 @@
 // Each function writes a name of the given form into `channel` [PM_CHANNEL_SIZE]. PM_ECONFIG: the
 // name is too long.
 
-// <SCENE>_<WORD>
-pm_status pm_channel_scene(char *channel, const pm_scene *scene, const char *word);
+// <SCENE>_<WORD>, for the scene of the name `scene`
+pm_status pm_channel_scene(char *channel, const char *scene, const char *word);
 
 // <SCENE>_<WORD>_<PROCESS>
 pm_status pm_channel_process(char *channel, const pm_scene *scene, const char *word,

@@ -33,7 +33,7 @@ typedef struct client {
     pm_transport *transport;
     portmet_control_t request;
     portmet_control_reply_t reply;
-    double z[MOST_NZ], other[6][MOST_NZ]; // the arrays of the reply
+    double z[MOST_NZ], other[8][MOST_NZ]; // the arrays of the reply
     char text[PM_TEXT_MAX + 1];
     int replies;
 } client;
@@ -112,6 +112,8 @@ static void on_reply(void *context, const char *channel, const void *data, size_
                                  .nend = MOST_NZ,
                                  .energy_flux = k->other[4],
                                  .entropy_flux = k->other[5],
+                                 .energy_gross = k->other[6],
+                                 .entropy_gross = k->other[7],
                                  .nz = MOST_NZ,
                                  .z = k->z};
     assert_int_equal(pm_control_reply_decode(&r, data, size), PM_KEEP);
@@ -123,7 +125,7 @@ static void on_reply(void *context, const char *channel, const void *data, size_
 }
 
 static void client_open(client *k, stage *t, int64_t id, const char *name) {
-    *k = (client){.t = t, .request = {.client = id, .sender = (char *)name, .record = ""}};
+    *k = (client){.t = t, .request = {.client = id, .sender = (char *)name, .file = ""}};
     assert_int_equal(pm_hub_connect(t->hub, &k->transport), PM_OK);
     assert_int_equal(pm_transport_subscribe(k->transport, "chain_REPLY", on_reply, k), PM_OK);
 }
@@ -158,7 +160,8 @@ static int ask(client *k, int8_t kind, bool whole) {
                 k->request.nonce = k->reply.last + 1;
                 again = 0;
             }
-        } else if (!whole || k->reply.kind != PORTMET_CONTROL_REPLY_T_ACCEPTED) {
+        } else if (k->reply.kind != PORTMET_CONTROL_REPLY_T_PENDING &&
+                   (!whole || k->reply.kind != PORTMET_CONTROL_REPLY_T_ACCEPTED)) {
             return k->reply.kind;
         }
     }
@@ -240,12 +243,37 @@ static void test_steps_on_demand(void **context) {
         assert_int_equal(k.reply.step, i * (i + 1) / 2);
         assert_memory_equal(k.z, pm_monolithic_sample(c->assembly)->z,
                             (size_t)c->f.scene->physics.nz * sizeof *k.z);
+        // Fluxes and ledger are all there.
+        const pm_flux *flux = &pm_monolithic_sample(c->assembly)->flux[0][1];
+        assert_true(k.reply.energy_gross[1] == flux->energy_gross);
+        assert_true(k.reply.entropy_gross[1] == flux->entropy_gross);
+        assert_true(k.reply.first_energy == c->coordinator->ledger.first_energy);
+        assert_true(k.reply.energy_drift == c->coordinator->ledger.energy_drift);
         // The same request again is answered again, and takes no step.
         publish(&k);
         turn_for(&t, 0.05);
         assert_int_equal(c->steps_seen, i * (i + 1) / 2 + 1);
         turn_for(&t, 3 * PATIENCE); // held for as long as it takes
     }
+    // Who asks again while it is being done learns that it is.
+    k.request.kind = PORTMET_CONTROL_T_ADVANCE;
+    k.request.nonce += 1;
+    k.request.steps = 2;
+    publish(&k);
+    turn(&t);
+    publish(&k);
+    const int before = k.replies;
+    while (k.replies == before) {
+        turn(&t);
+        assert_int_equal(pm_transport_wait(k.transport, 0, NULL), PM_OK);
+    }
+    assert_int_equal(k.reply.kind, PORTMET_CONTROL_REPLY_T_PENDING);
+    turn_for(&t, 0.1);
+    publish(&k);
+    turn_for(&t, 0.05);
+    assert_int_equal(pm_transport_wait(k.transport, 0, NULL), PM_OK);
+    assert_int_equal(k.reply.kind, DONE);
+    assert_int_equal(k.reply.step, 17);
     // Somebody forges a later request of this client, which then numbers its own ones anew.
     k.request.nonce += 1000;
     k.request.steps = 0;
@@ -254,7 +282,7 @@ static void test_steps_on_demand(void **context) {
     k.request.steps = 1;
     turn_for(&t, 0.05);
     assert_int_equal(ASK(&k, ADVANCE), DONE);
-    assert_int_equal(k.reply.step, 16);
+    assert_int_equal(k.reply.step, 18);
     assert_true(k.request.nonce > 1000);
     k.request.steps = 5;
     // An older request, or one with another ticket, does nothing.
@@ -266,7 +294,7 @@ static void test_steps_on_demand(void **context) {
     k.request.ticket += 1;
     publish(&k);
     turn_for(&t, 0.05);
-    assert_int_equal(c->steps_seen, 17);
+    assert_int_equal(c->steps_seen, 19);
     k.request = last;
 
     assert_int_equal(ASK(&k, RESUME), DONE);
@@ -339,12 +367,12 @@ static void test_wrong_requests(void **context) {
     client_open(&k, &t, 5, "bench");
     k.request.z = z;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
-        k.request.record = (char *)names[i];
+        k.request.file = (char *)names[i];
         assert_refused(&k, PORTMET_CONTROL_T_START, "letters, digits");
     }
-    k.request.record = "run.h5";
+    k.request.file = "run.h5";
     assert_refused(&k, PORTMET_CONTROL_T_START, "no folder");
-    k.request.record = "";
+    k.request.file = "";
     k.request.nz = 1;
     assert_refused(&k, PORTMET_CONTROL_T_START, "a state of 1 numbers");
     k.request.nz = 0;

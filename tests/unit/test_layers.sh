@@ -35,7 +35,7 @@ in_order() {
 }
 
 # The folders in the order data flows.
-in_order daemon '' base store graph model scene sim library export transport lockstep study app examples
+in_order daemon '' base store graph model scene sim transport lockstep library export study app examples
 in_order trainer '' truth data loss optimise shooting inference evaluate fit propose bodies command
 in_order trainer/bodies bodies/ mesh field truth solid modal command
 
@@ -75,7 +75,7 @@ door 'hdf5' 'daemon/store/'
 door 'mpi\.h' '(daemon/transport/transport_mpi|trainer/loss/team)\.c'
 door 'lcm/|portmet_' 'daemon/(transport|lockstep|examples)/'
 # Below the transport nobody knows how messages travel.
-found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/library daemon/export)
+found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/export)
 [ -z "$found" ] || fail "LCM is named below the transport: $found"
 door 'gmshc\.h' 'trainer/bodies/mesh/gmsh_file\.c'
 door 'libwebsockets' 'daemon/app/view_server\.c'

@@ -437,7 +437,7 @@ static void test_channel_names(void **context) {
     assert_int_equal(pm_channel_process(channel, f.scene, "FLUX", 2), PM_OK);
     assert_string_equal(channel, "chain_FLUX_link3");
     f.scene->name = "a_scene_with_a_name_that_is_much_too_long_for_a_channel_of_lcm";
-    assert_error(pm_channel_scene(channel, f.scene, "TICK"), PM_ECONFIG, "at most 63");
+    assert_error(pm_channel_scene(channel, f.scene->name, "TICK"), PM_ECONFIG, "at most 63");
     fixture_close(&f);
 }
 

@@ -112,6 +112,9 @@ class Scene:
         else:
             here = os.fsencode(os.path.join(os.getcwd(), "text.yaml"))
             c.check(c.library.portmet_scene_parse(ctypes.byref(pointer), text.encode(), here, folder))
+        self._open(pointer)
+
+    def _open(self, pointer):
         self._handle = _Handle(pointer)
         self._describe()
         self._view()

@@ -1,0 +1,41 @@
+// A scene that `portmetd serve` steps in other processes, as the shared library shows it: the part
+// of portmet.h behind portmet_scene_connect.
+#ifndef PM_LIBRARY_REMOTE_SCENE_H
+#define PM_LIBRARY_REMOTE_SCENE_H
+
+#include "library/portmet.h"
+#include "lockstep/remote.h"
+
+// The caller reads the members, and writes `input`. All arrays keep their place.
+typedef struct pm_remote_scene {
+    pm_arena arena;
+    pm_transport *transport;
+    pm_remote *client;
+    const pm_served *served;
+    const char *name, *record;
+    bool running;                                // a run of this client is under way
+    int64_t step;                                // steps taken
+    double time;                                 // s
+    const double *array[PORTMET_LEDGER + 1];     // as in portmet.h
+    size_t size[PORTMET_LEDGER + 1];             // numbers of each
+    const char *const *names[PORTMET_SCENE + 1]; // [nname] of each kind of names
+    int nname[PORTMET_SCENE + 1];
+    double *input; // [served->nlive] NaN: not set
+    double *sent;  // [served->nlive] the last ones that were sent
+} pm_remote_scene;
+
+// The arguments of portmet_scene_connect.
+typedef struct pm_remote_address {
+    const char *name, *url, *key_file, *record;
+    double patience; // s
+} pm_remote_address;
+
+// Begins a run that is held at the scene's initial state. The caller ends it by STOP, and closes
+// client, transport and arena, on failure too.
+pm_status pm_remote_scene_open(pm_remote_scene *scene, const pm_remote_address *address);
+
+// Sends a request with the inputs that have changed, and takes over the reply. RESET begins a run
+// where none of this client is under way. Fails as pm_remote_ask does.
+pm_status pm_remote_scene_ask(pm_remote_scene *scene, portmet_control_t request);
+
+#endif

@@ -1,0 +1,54 @@
+// A client of a coordinator that stays (control.h), on this or any other host. It sends a request,
+// repeats it until the coordinator has answered, and keeps the last reply.
+//
+// Life cycle: open, which asks what is served; ask, and read the reply after each; close.
+#ifndef PM_LOCKSTEP_REMOTE_H
+#define PM_LOCKSTEP_REMOTE_H
+
+#include <signal.h>
+
+#include "lockstep/codec.h"
+#include "transport/transport.h"
+
+typedef struct pm_remote pm_remote;
+
+// What the coordinator serves. The client owns all texts and arrays.
+typedef struct pm_served {
+    const char *description; // one line of JSON (daemon/WIRE.md)
+    double dt;               // s
+    int steps;               // that the scene file asks for
+    int nsubsystem, nport, nz, nlive;
+    const char **subsystem;              // [nsubsystem] names
+    const char **variable, **unit;       // [nz] "upper.q[0]" and "m"
+    const char **port, **end_a, **end_b; // [nport] names of ports, and of what is at their ends
+    const char **live, **live_unit;      // [nlive] live inputs: names, and units ("": unknown)
+} pm_served;
+
+typedef struct pm_remote_options {
+    const char *scene;                 // its name, borrowed
+    const char *sender;                // name of this client, for people; borrowed
+    double patience;                   // s without any reply, after which a request fails
+    const volatile sig_atomic_t *stop; // a request fails soon after it is not 0; NULL: never
+} pm_remote_options;
+
+// Opens a client on a transport, which is borrowed and sealed by its owner if the scene has a key,
+// and asks what is served. Nobody may wait on the transport after the client is closed.
+// PM_ETIMEOUT: nobody answers; PM_ECONFIG: a channel's name is too long, or the description cannot
+// be read; PM_EINTERRUPTED, PM_ENET, PM_ENOMEM.
+pm_status pm_remote_open(pm_remote **remote, pm_transport *transport,
+                         const pm_remote_options *options);
+void pm_remote_close(pm_remote *remote); // NULL is allowed
+
+const pm_served *pm_remote_served(const pm_remote *remote);
+
+// Sends a request, and repeats it until it is done, or, unless `wait`, until it is accepted. The
+// caller sets its kind and what belongs to that; `client`, `nonce`, `ticket` and `sender` are set
+// here, and NULL stands for an empty text. Returns the code of the reply, with its text. A refusal
+// is such a code. PM_ETIMEOUT: nobody answers; PM_EUSAGE: a number is not finite; PM_ECONFIG:
+// another scene is served by now; PM_EINTERRUPTED, PM_ENET.
+pm_status pm_remote_ask(pm_remote *remote, const portmet_control_t *request, bool wait);
+
+// Returns the last reply, valid until the next request.
+const portmet_control_reply_t *pm_remote_reply(const pm_remote *remote);
+
+#endif
