@@ -16,16 +16,18 @@ typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
     const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
     const char *bind, *recording;
-    const char *pace;   // of a run; NULL: the scene's
-    const char *state;  // a dataset whose first state begins a run
-    const char *inputs; // values of live inputs
-    const char *hosts;  // of the processes, for `emit`
-    const char *fmi;    // version of the FMU that is written
-    const char *text;   // of the scene; NULL: that of the file `scene`
-    const char *other;  // folder of the weights that another host has
-    int64_t steps;      // number of steps of the run; 0: as the scene says
-    int64_t session;    // number of the session to join or to open; 0: no session was given
-    int64_t port, udp;  // numbers of ports; 0: not given
+    const char *pace;              // of a run; NULL: the scene's
+    const char *state;             // numbers of a state
+    const char *trajectory, *data; // number of the trajectory in whose first state a run begins,
+                                   // and its dataset; NULL: the reference
+    const char *inputs;            // values of live inputs
+    const char *hosts;             // of the processes, for `emit`
+    const char *fmi;               // version of the FMU that is written
+    const char *text;              // of the scene; NULL: that of the file `scene`
+    const char *other;             // folder of the weights that another host has
+    int64_t steps;                 // number of steps of the run; 0: as the scene says
+    int64_t session;   // number of the session to join or to open; 0: no session was given
+    int64_t port, udp; // numbers of ports; 0: not given
     bool in_process, quiet, overwrite;
     bool stays;               // a node serves one run after another
     bool elsewhere;           // nobody launches the nodes here
@@ -62,11 +64,13 @@ enum {
     PM_OPTION_STAYS = 1 << 20,
     PM_OPTION_ELSEWHERE = 1 << 21,
     PM_OPTION_FOLDER = 1 << 22, // --record, of a folder
-    PM_OPTION_START = 1 << 23,  // of a run: --held, --endless, --wait, --pace
-    PM_OPTION_STATE = 1 << 24,  // --state, --inputs
+    PM_OPTION_START = 1 << 23,  // of a run: --endless, --wait, --pace, --record
+    PM_OPTION_STATE = 1 << 24,
     PM_OPTION_INPUTS = 1 << 25,
     PM_OPTION_TEST = 1 << 26, // --here, --other
-    PM_OPTION_JSON = 1 << 27
+    PM_OPTION_JSON = 1 << 27,
+    PM_OPTION_TRAJECTORY = 1 << 28, // --trajectory, --data
+    PM_OPTION_HELD = 1 << 29
 };
 
 typedef struct pm_command {
@@ -82,6 +86,7 @@ typedef struct pm_command {
 extern const pm_command pm_command_run, pm_command_serve, pm_command_node, pm_command_coordinator,
     pm_command_status, pm_command_view, pm_command_export, pm_command_emit, pm_command_check,
     pm_command_start, pm_command_pause, pm_command_resume, pm_command_advance, pm_command_set,
-    pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload, pm_command_test;
+    pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload, pm_command_checkpoint,
+    pm_command_restore, pm_command_test;
 
 #endif

@@ -2,6 +2,7 @@
 // coordinator: of one run that starts at once, or of one run after another as clients ask for them.
 // With run --in-process all subsystems live in this thread.
 #include <inttypes.h>
+#include <math.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,6 +25,7 @@
 #include "lockstep/control.h"
 #include "lockstep/gate.h"
 #include "lockstep/node.h"
+#include "model/training_range.h"
 
 #define MOST_STARTING 16      // nodes that start at the same time
 #define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
@@ -338,18 +340,24 @@ static void tell(const service *s, const pm_control_run *run, const char *text) 
                      run->owner, text);
 }
 
+static pm_status place(void *context, const char *name, const char *suffix, char *path,
+                       size_t size) {
+    const service *s = context;
+    struct stat file;
+    snprintf(path, size, "%s/%s%s", s->folder, name, suffix);
+    return lstat(path, &file) == 0 && !S_ISREG(file.st_mode) // a link leads elsewhere
+               ? pm_fail(PM_EFILE, "%s: is no file", path)
+               : PM_OK;
+}
+
 static pm_status begin_run(void *context, const pm_control_run *run,
                            pm_lockstep_observer *observer) {
     service *s = context;
     char text[1200], steps[32] = "until it is stopped";
     s->options.record = NULL;
     if (run->record[0] != 0) {
-        snprintf(s->path, sizeof s->path, "%s/%s", s->folder, run->record);
+        PM_TRY(place(s, run->record, "", s->path, sizeof s->path));
         s->options.record = s->path;
-        struct stat file;
-        if (lstat(s->path, &file) == 0 && !S_ISREG(file.st_mode)) { // a link leads elsewhere
-            return pm_fail(PM_EFILE, "%s: is no file", s->path);
-        }
     }
     const pm_status status = pm_observer_open(&s->observer, &s->setup, &s->options);
     if (status != PM_OK) {
@@ -394,11 +402,13 @@ static void put_digest(FILE *file, const pm_component *component) {
 }
 
 // Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
-// "subsystems": [{"name", "groups": [[name, unit, size]], "weights", "loss"}], "ports": [{"name",
+// "records", "states", "subsystems": [{"name", "groups": [[name, unit, size, least and largest
+// value of the training where the weights know them]], "weights", "loss"}], "ports": [{"name",
 // "law", "ends", "weights", "loss"}], "inputs": [[name, channel, unit]]}. Names need no quoting.
 static pm_status describe(service *s, char **text) {
     const pm_scene *scene = s->setup.scene;
     const pm_physics *physics = &scene->physics;
+    const bool states = !pm_scene_may_report_sums(scene); // else there are too many to list
     char unit[128];
     size_t size;
     pm_scene_variables variables;
@@ -409,22 +419,28 @@ static pm_status describe(service *s, char **text) {
     }
     fprintf(file,
             "{\"scene\":\"%s\",\"dt\":%.17g,\"steps\":%d,\"integrator\":\"%s\",\"substeps\":%d,"
-            "\"digest\":\"%016" PRIx64 "\",\"records\":%s,\"subsystems\":[",
+            "\"digest\":\"%016" PRIx64 "\",\"records\":%s,\"states\":%s,\"subsystems\":[",
             scene->name, physics->dt, scene->run.steps, physics->integrator->name,
-            physics->substeps, s->setup.system->digest, s->folder == NULL ? "false" : "true");
-    for (int i = 0; i < physics->nsubsystem; ++i) {
+            physics->substeps, s->setup.system->digest, s->folder == NULL ? "false" : "true",
+            states ? "true" : "false");
+    for (int i = 0; i < physics->nsubsystem && states; ++i) {
         const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        const pm_training_range range = pm_training_range_of(s->setup.system->part[i]);
         fprintf(file, "%s{\"name\":\"%s\",\"groups\":[", i == 0 ? "" : ",", subsystem->name);
         for (int g = 0; g < subsystem->layout.ngroup; ++g) {
             const pm_group *group = &subsystem->layout.group[g];
             pm_json_quote(unit, sizeof unit, group->unit);
-            fprintf(file, "%s[\"%s\",%s,%d]", g == 0 ? "" : ",", group->name, unit, group->size);
+            fprintf(file, "%s[\"%s\",%s,%d", g == 0 ? "" : ",", group->name, unit, group->size);
+            if (range.low != NULL && isfinite(range.low[g]) && isfinite(range.high[g])) {
+                fprintf(file, ",%.6g,%.6g", range.low[g], range.high[g]);
+            }
+            fputs("]", file);
         }
         fputs("]", file);
         put_digest(file, &s->setup.system->component[i]);
     }
     fputs("],\"ports\":[", file);
-    for (int i = 0; i < physics->nport; ++i) {
+    for (int i = 0; i < physics->nport && states; ++i) {
         const pm_scene_port *port = &physics->port[i];
         fprintf(file, "%s{\"name\":\"%s\",\"law\":\"%s\",\"ends\":[\"%s\",\"%s\"]",
                 i == 0 ? "" : ",", port->name, port->law, port->between[0], port->between[1]);
@@ -478,7 +494,7 @@ static pm_status execute_serve(const pm_run_options *options) {
     PM_TRY_DONE(describe(&s, &description));
     PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, s.setup.system, transport, &own));
-    const pm_control_service serves = {&s,        description, s.folder != NULL,
+    const pm_control_service serves = {&s,        description, s.folder == NULL ? NULL : place,
                                        begin_run, end_run,     check_reload};
     PM_TRY_DONE(pm_control_open(&control, s.coordinator, &serves));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, scene->network.nprocess, &options->log));

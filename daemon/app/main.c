@@ -10,13 +10,14 @@
 #include "base/subcommand.h"
 
 static const pm_command *const commands[] = {
-    &pm_command_run,         &pm_command_serve,   &pm_command_start,  &pm_command_pause,
-    &pm_command_resume,      &pm_command_advance, &pm_command_set,    &pm_command_reset,
-    &pm_command_stop,        &pm_command_query,   &pm_command_reload, &pm_command_node,
-    &pm_command_coordinator, &pm_command_status,  &pm_command_view,   &pm_command_export,
-    &pm_command_emit,        &pm_command_check,   &pm_command_test,
+    &pm_command_run,     &pm_command_serve,   &pm_command_start,       &pm_command_pause,
+    &pm_command_resume,  &pm_command_advance, &pm_command_set,         &pm_command_reset,
+    &pm_command_stop,    &pm_command_query,   &pm_command_reload,      &pm_command_checkpoint,
+    &pm_command_restore, &pm_command_node,    &pm_command_coordinator, &pm_command_status,
+    &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
+    &pm_command_test,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 40, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 42, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -109,10 +110,14 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
          text_option("--pace", "X", &run->pace, "simulate X s in each s; 0: as fast as it can be")},
         {PM_OPTION_START, text_option("--record", "NAME", &run->record,
                                       "record the run as NAME in the folder of the service")},
+        {PM_OPTION_HELD, {.name = "--held", .on = &run->held, .help = "hold the run at its start"}},
         {PM_OPTION_STATE,
-         {.name = "--held", .on = &run->held, .help = "hold the run at its start"}},
-        {PM_OPTION_STATE, text_option("--state", "LIST", &run->state,
-                                      "start at these numbers, in the order of query")},
+         text_option("--state", "LIST", &run->state, "these numbers, in the order of query")},
+        {PM_OPTION_TRAJECTORY,
+         text_option("--trajectory", "K", &run->trajectory,
+                     "start at the first state of trajectory K, from 0, of the reference")},
+        {PM_OPTION_TRAJECTORY,
+         text_option("--data", "FILE", &run->data, "take the trajectory from FILE (HDF5) instead")},
         {PM_OPTION_INPUTS, text_option("--inputs", "LIST", &run->inputs,
                                        "values of the live inputs, in the order of query")},
         {PM_OPTION_RECORDING, text_option("--recording", "FILE", &run->recording,

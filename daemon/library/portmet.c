@@ -188,6 +188,29 @@ int portmet_scene_restart(portmet_scene *scene, const double *z) {
     return (int)status;
 }
 
+// Asks those who step the scene elsewhere.
+static int ask(portmet_scene *scene, portmet_control_t request) {
+    return scene->remote != NULL
+               ? (int)pm_remote_scene_ask(scene->remote, request)
+               : (int)pm_fail(PM_EUSAGE, "scene %s is stepped here", scene->setup.scene->name);
+}
+
+int portmet_scene_set_state(portmet_scene *scene, const double *z) {
+    const int nz = scene->remote == NULL ? 0 : scene->remote->served->nz;
+    return ask(scene,
+               (portmet_control_t){.kind = PORTMET_CONTROL_T_SET, .nz = nz, .z = (double *)z});
+}
+
+int portmet_scene_checkpoint(portmet_scene *scene, const char *name) {
+    return ask(scene,
+               (portmet_control_t){.kind = PORTMET_CONTROL_T_CHECKPOINT, .file = (char *)name});
+}
+
+int portmet_scene_restore(portmet_scene *scene, const char *name) {
+    return ask(scene, (portmet_control_t){
+                          .kind = PORTMET_CONTROL_T_RESTORE, .held = true, .file = (char *)name});
+}
+
 int portmet_scene_stop(portmet_scene *scene) {
     return scene->remote != NULL
                ? (int)pm_remote_scene_ask(scene->remote,

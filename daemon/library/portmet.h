@@ -83,6 +83,17 @@ int portmet_scene_step(portmet_scene *scene, int64_t count);
  * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends. */
 int portmet_scene_restart(portmet_scene *scene, const double *z);
 
+/* These functions are for scenes that portmet_scene_connect has opened; for others they fail with
+ * PORTMET_EUSAGE. portmet_scene_set_state puts the state z, as in portmet_scene_restart, in place
+ * of the present one: the run goes on from there with the next step. What energy and entropy differ
+ * by counts as having come from the outside, so that the totals of the ledger stay.
+ * portmet_scene_checkpoint keeps the present state and ledger in the folder of the service under
+ * `name` (letters, digits and "._-"), and portmet_scene_restore takes this or a later run of the
+ * scene back to it. PORTMET_EFILE: nothing is kept under this name, or not by this scene. */
+int portmet_scene_set_state(portmet_scene *scene, const double *z);
+int portmet_scene_checkpoint(portmet_scene *scene, const char *name);
+int portmet_scene_restore(portmet_scene *scene, const char *name);
+
 /* Ends the run of a scene that portmet_scene_connect has opened; portmet_scene_restart begins
  * another. Does nothing for a scene that is stepped here. */
 int portmet_scene_stop(portmet_scene *scene);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "store/snapshot.h"
 #include "transport/channel.h"
 
 #define CLIENTS 64      // that are remembered
@@ -37,6 +38,7 @@ struct pm_control {
     pm_control_run run;            // the last one
     char owner[NAME], record[NAME];
     int64_t owner_id;      // the client that started it, which is not forgotten meanwhile
+    double *numbers;       // those of a file, and before them a state and live inputs
     bool active, stopping; // a run is under way; it ends after the steps that are granted
     bool reloaded;         // the files are read again: the process that does so answers from now on
     int waiting;           // clients that wait
@@ -53,7 +55,8 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
     const pm_ledger *ledger = &c->ledger;
     const pm_physics *physics = &c->scene->physics;
     const int64_t step = c->completed < 0 ? 0 : c->completed;
-    const bool with_state = pages == 0 && c->want_state && c->completed >= 0;
+    const bool with_state = pages == 0 && c->want_state && c->completed >= c->first &&
+                            !pm_scene_may_report_sums(c->scene);
     const bool held = c->phase == PM_COORDINATOR_HELD, any = control->run.number > 0;
     const int8_t phase = control->active
                              ? held ? PORTMET_CONTROL_REPLY_T_HELD : PORTMET_CONTROL_REPLY_T_RUNNING
@@ -72,7 +75,7 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
         .pages = pages,
         .owner = control->owner,
         .session = c->endpoint.session,
-        .run = c->run,
+        .run = any ? control->run.number : c->run,
         .digest = (int64_t)c->endpoint.system->digest,
         .step = step,
         .steps = c->endpoint.steps == PM_STEPS_MAX ? 0 : c->endpoint.steps,
@@ -149,17 +152,30 @@ static void hold(pm_lockstep_coordinator *c, int64_t step) {
     c->tick_wanted = c->tick_wanted || step <= c->granted;
 }
 
-// Begins a run, or begins the present one anew.
-static pm_status begin(pm_control *control, client *from, const portmet_control_t *r) {
+// Checks the name of a file in the folder of the service.
+static pm_status check_name(const pm_control *control, const char *name) {
     // A name without slashes, which is not hidden, leads to no other folder.
     static const char allowed[] =
         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
-    const size_t length = strlen(r->file);
+    const size_t length = strlen(name);
+    if (length >= NAME || name[0] == '.' || strspn(name, allowed) != length) {
+        return pm_fail(PM_EUSAGE, "a name: expected letters, digits and \"._-\", at most %d",
+                       NAME - 1);
+    }
+    return control->service.path != NULL
+               ? PM_OK
+               : pm_fail(PM_EUSAGE, "portmetd serve was given no folder for recordings");
+}
+
+// Begins a run, or takes the present one to another state: to its start, or, if it goes on `from` a
+// step, to the state r->z there. `set` tells that somebody has set this state.
+static pm_status begin(pm_control *control, client *from_client, const portmet_control_t *r,
+                       const pm_lockstep_point *from, bool set) {
     pm_lockstep_coordinator *c = control->coordinator;
     pm_control_run *run = &control->run;
-    const bool anew = r->kind == PORTMET_CONTROL_T_RESET;
+    const bool starts = r->kind == PORTMET_CONTROL_T_START;
     pm_lockstep_observer observer = c->observer;
-    if (!anew && control->active) {
+    if (starts && control->active) {
         return pm_fail(PM_EUSAGE, "run %lld of %s is under way, after step %lld: stop it first",
                        (long long)run->number, control->owner, (long long)c->completed);
     }
@@ -174,20 +190,16 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
         return pm_fail(PM_EUSAGE, "%lld steps, at most %lld", (long long)r->steps,
                        (long long)PM_STEPS_MAX - 1);
     }
-    if (length >= NAME || r->file[0] == '.' || strspn(r->file, allowed) != length) {
-        return pm_fail(PM_EUSAGE, "record: expected letters, digits and \"._-\", at most %d",
-                       NAME - 1);
+    if (starts && r->file[0] != 0) {
+        PM_TRY(check_name(control, r->file));
     }
-    if (r->file[0] != 0 && !control->service.records) {
-        return pm_fail(PM_EUSAGE, "record: portmetd serve was given no folder for recordings");
-    }
-    if (anew && control->record[0] != 0) {
+    if (!starts && !set && control->record[0] != 0) {
         return pm_fail(PM_EUSAGE,
-                       "a run that is recorded cannot be reset: stop it, and start another");
+                       "a run that is recorded cannot go back: stop it, and start another");
     }
-    if (!anew) {
-        control->owner_id = from->id;
-        snprintf(control->owner, sizeof control->owner, "%s", from->name);
+    if (starts) {
+        control->owner_id = from_client->id;
+        snprintf(control->owner, sizeof control->owner, "%s", from_client->name);
         snprintf(control->record, sizeof control->record, "%s", r->file);
         *run = (pm_control_run){
             .number = c->run + 1,
@@ -203,6 +215,8 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
     const pm_lockstep_order order = {
         .steps = run->steps,
         .z = r->nz > 0 ? r->z : NULL,
+        .from = from,
+        .from_outside = set,
         .pace = run->pace,
         .want_state = run->record[0] != 0 || !pm_scene_may_report_sums(c->scene),
         .observer = observer,
@@ -211,22 +225,83 @@ static pm_status begin(pm_control *control, client *from, const portmet_control_
     if (r->nlive > 0) {
         pm_live_inputs_set(&c->live, r->live);
     }
-    if (r->held) {
-        hold(c, 0);
+    if (r->held || set) {
+        hold(c, c->first);
     }
-    run->number = c->run;
     run->session = c->endpoint.session;
     control->active = true;
     control->stopping = false;
-    wait_for(control, from);
+    wait_for(control, from_client);
     return PM_OK;
+}
+
+// --- states that are kept ---
+
+// Lists the numbers of a file: where the run is, its ledger, its state z [nz] and the values of its
+// live inputs [nlive].
+static void list(pm_serializer *serializer, pm_lockstep_point *point, int nz, double *z, int nlive,
+                 double *live) {
+    long step = (long)point->step;
+    pm_serializer_put_long(serializer, "step", &step);
+    point->step = step;
+    pm_serializer_put_int(serializer, "substeps", &point->substeps);
+    pm_serializer_put(serializer, "expected error", &point->expected_error, 1);
+    pm_ledger_record(&point->ledger, serializer);
+    pm_serializer_put(serializer, "z", z, nz);
+    pm_serializer_put(serializer, "live inputs", live, nlive);
+}
+
+static pm_lockstep_point present(const pm_lockstep_coordinator *c) {
+    return (pm_lockstep_point){.step = c->completed,
+                               .ledger = c->ledger,
+                               .substeps = c->step_controller.substeps,
+                               .expected_error = c->step_controller.expected};
+}
+
+// CHECKPOINT keeps the state of a run that is held, and RESTORE takes the run to it.
+static pm_status keep_or_restore(pm_control *control, client *from, const portmet_control_t *r) {
+    pm_lockstep_coordinator *c = control->coordinator;
+    pm_lockstep_point point = present(c);
+    const int nz = c->scene->physics.nz, nlive = c->scene->network.nlive;
+    double *live = control->numbers, *z = live + nlive, *number = z + nz;
+    char path[1024];
+    int64_t session = c->endpoint.session;
+    bool found;
+    PM_TRY(check_name(control, r->file[0] == 0 ? "/" : r->file));
+    PM_TRY(control->service.path(control->service.context, r->file, ".state", path, sizeof path));
+    if (!c->want_state) {
+        return pm_fail(PM_EUSAGE, "scene %s is too large: its states are not known here",
+                       c->scene->name);
+    }
+    memcpy(live, pm_live_inputs_values(&c->live, c->completed - 1), (size_t)nlive * sizeof *live);
+    pm_serializer serializer = pm_serializer_save("control", number);
+    list(&serializer, &point, nz, c->last->z, nlive, live);
+    const pm_snapshot_key key = {c->endpoint.system->digest, serializer.layout, serializer.count};
+    if (r->kind == PORTMET_CONTROL_T_CHECKPOINT) {
+        // Another kind of file is not replaced.
+        PM_TRY(pm_snapshot_session(path, key.digest, &session, &found));
+        return pm_snapshot_save(path, &key, c->endpoint.session, number);
+    }
+    PM_TRY(pm_snapshot_load(path, &key, &session, number, &found));
+    if (!found) {
+        return pm_fail(PM_EFILE, "nothing is kept as %s", r->file);
+    }
+    serializer = pm_serializer_restore("control", number);
+    list(&serializer, &point, nz, z, nlive, live);
+    if (point.step < 0 || point.step > c->endpoint.steps || point.step >= PM_STEPS_MAX) {
+        return pm_fail(PM_EUSAGE, "%s is after step %lld, and the run has %lld", r->file,
+                       (long long)point.step, (long long)c->endpoint.steps);
+    }
+    const portmet_control_t state = {
+        .kind = r->kind, .held = r->held, .nz = nz, .z = z, .nlive = nlive, .live = live};
+    return begin(control, from, &state, &point, false);
 }
 
 // Does what a request asks for. The client then waits, or the request is done.
 static pm_status execute(pm_control *control, client *from, const portmet_control_t *r) {
     pm_lockstep_coordinator *c = control->coordinator;
     if (r->kind == PORTMET_CONTROL_T_START) {
-        return begin(control, from, r);
+        return begin(control, from, r, NULL, false);
     }
     if (r->kind == PORTMET_CONTROL_T_RELOAD) {
         if (control->active) {
@@ -241,6 +316,13 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         return r->kind == PORTMET_CONTROL_T_STOP ? PM_OK
                                                  : pm_fail(PM_EUSAGE, "no run is under way");
     }
+    const bool needs_hold = r->kind == PORTMET_CONTROL_T_ADVANCE ||
+                            r->kind == PORTMET_CONTROL_T_CHECKPOINT ||
+                            (r->kind == PORTMET_CONTROL_T_SET && r->nz > 0);
+    if (needs_hold && (c->phase != PM_COORDINATOR_HELD || c->hold_at > c->granted)) {
+        return pm_fail(PM_EUSAGE, "the run goes on, after step %lld: pause it first",
+                       (long long)c->completed);
+    }
     switch (r->kind) {
     case PORTMET_CONTROL_T_STOP:
         control->stopping = true;
@@ -254,10 +336,6 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         hold(c, INT64_MAX);
         return PM_OK;
     case PORTMET_CONTROL_T_ADVANCE:
-        if (c->phase != PM_COORDINATOR_HELD || c->hold_at > c->granted) {
-            return pm_fail(PM_EUSAGE, "the run goes on, after step %lld: pause it first",
-                           (long long)c->completed);
-        }
         if (r->steps < 1) {
             return pm_fail(PM_EUSAGE, "%lld steps, at least 1", (long long)r->steps);
         }
@@ -267,14 +345,22 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         wait_for(control, from);
         return PM_OK;
     case PORTMET_CONTROL_T_SET:
+        if (r->nz > 0) {
+            const pm_lockstep_point point = present(c);
+            portmet_control_t state = *r;
+            state.steps = 0;
+            return begin(control, from, &state, &point, true);
+        }
         if (r->nlive == 0 || r->nlive != c->scene->network.nlive) {
             return pm_fail(PM_EUSAGE, "%d live inputs, and the scene has %d", r->nlive,
                            c->scene->network.nlive);
         }
         pm_live_inputs_set(&c->live, r->live);
         return PM_OK;
-    default: // RESET
-        return begin(control, from, r);
+    case PORTMET_CONTROL_T_RESET:
+        return begin(control, from, r, NULL, false);
+    default:
+        return keep_or_restore(control, from, r);
     }
 }
 
@@ -287,7 +373,7 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     *r = control->largest;
     PM_TRY_KEEP(pm_control_decode(r, data, size));
     if (r->client == 0 || r->nonce < 1 || r->nonce > MOST_NONCE ||
-        r->kind < PORTMET_CONTROL_T_QUERY || r->kind > PORTMET_CONTROL_T_RELOAD || r->page < 0) {
+        r->kind < PORTMET_CONTROL_T_QUERY || r->kind > PORTMET_CONTROL_T_RESTORE || r->page < 0) {
         return PM_DROP_IMPLAUSIBLE;
     }
     // The client takes the place of the one that has been silent for longest and does not wait.
@@ -378,7 +464,7 @@ void pm_control_poll(pm_control *control) {
     }
     for (int i = 0; i < CLIENTS && control->waiting > 0; ++i) {
         client *k = &control->client[i];
-        if (!k->waits || c->completed < 0) {
+        if (!k->waits || c->completed < c->first) {
             continue;
         }
         const bool starts = k->kind == PORTMET_CONTROL_T_START;
@@ -386,7 +472,7 @@ void pm_control_poll(pm_control *control) {
         if (starts && k->reply == UNANSWERED) {
             k->reply = PORTMET_CONTROL_REPLY_T_ACCEPTED;
             reply_again(control, k);
-        } else if (k->kind == PORTMET_CONTROL_T_RESET ||
+        } else if (k->kind == PORTMET_CONTROL_T_RESET || k->kind == PORTMET_CONTROL_T_RESTORE ||
                    (advances ? c->completed >= k->target : held && !starts)) {
             settle(control, k, PORTMET_CONTROL_REPLY_T_DONE, PM_OK, "");
         }
@@ -415,6 +501,10 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     for (int i = 0; i < 4; ++i) {
         made->flux[i] = pm_arena_array(&made->arena, (size_t)longest.nend, sizeof(double));
     }
+    pm_serializer serializer = pm_serializer_count("control");
+    list(&serializer, &(pm_lockstep_point){0}, scene->physics.nz, NULL, scene->network.nlive, NULL);
+    made->numbers =
+        pm_arena_array(&made->arena, 2 * (size_t)serializer.count, sizeof *made->numbers);
     made->capacity = pm_control_reply_size(&longest) + PM_TEXT_MAX + NAME;
     made->data = pm_arena_alloc(&made->arena, made->capacity);
     PM_TRY_DONE(pm_arena_status(&made->arena, "control"));

@@ -30,7 +30,9 @@ typedef struct pm_control_run {
 typedef struct pm_control_service {
     void *context;
     const char *description; // of what is served, for clients; borrowed
-    bool records;            // a client may name a recording
+    // Writes the path of the file `name` and `suffix`, of which the name is safe, in the folder of
+    // clients. A failure refuses the request. NULL: there is no folder.
+    pm_status (*path)(void *context, const char *name, const char *suffix, char *path, size_t size);
     // A run is about to begin: sets the observer of its steps. A failure refuses the run.
     pm_status (*begin)(void *context, const pm_control_run *run, pm_lockstep_observer *observer);
     // The run has ended after `step` steps with `status`, of which `message` says more. The result

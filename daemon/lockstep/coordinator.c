@@ -264,7 +264,8 @@ static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hel
     if (remote == NULL) {
         return PM_DROP_IMPLAUSIBLE; // no process has a channel for such a hello
     }
-    const bool late = pm_report_window_has(&c->reports, 0, remote->id) || c->completed >= 0;
+    const bool late =
+        pm_report_window_has(&c->reports, c->first, remote->id) || c->completed >= c->first;
     const portmet_hello_t *own = &c->endpoint.identity.hello;
     reason[0] = 0;
     if (hello->protocol != own->protocol) {
@@ -336,7 +337,7 @@ static pm_drop on_hello(void *context, const void *data, size_t size) {
         return PM_KEEP;
     }
     if (!of_process) {
-        const bool first = c->completed >= 0 || pm_identity_is_older(own, hello->instance);
+        const bool first = c->completed >= c->first || pm_identity_is_older(own, hello->instance);
         if (first && pm_identity_is_rival(own, hello)) {
             char reason[256];
             snprintf(reason, sizeof reason, "there is a coordinator of scene %s already",
@@ -406,7 +407,7 @@ static pm_drop accept_done(pm_remote_process *remote) {
         note_done(remote, first + row);
         if (pm_report_window_add(&c->reports, remote, row)) {
             // Processes may come one by one: the patience with the others begins anew.
-            c->progressed = c->progressed || c->completed < 0;
+            c->progressed = c->progressed || c->completed < c->first;
             drop = PM_KEEP;
         }
     }
@@ -422,7 +423,8 @@ static bool is_from_run(pm_remote_process *remote) {
     pm_lockstep_coordinator *c = remote->coordinator;
     const portmet_report_t *report = &remote->report;
     const bool greeted = is_greeted(remote, report->instance);
-    if (!pm_report_window_has(&c->reports, 0, remote->id) && c->completed < 0 && greeted) {
+    if (!pm_report_window_has(&c->reports, c->first, remote->id) && c->completed < c->first &&
+        greeted) {
         remote->instance = report->instance;
     }
     if (c->checkpoint != NULL || report->instance == remote->instance) {
@@ -565,7 +567,8 @@ static pm_status publish_tick(pm_lockstep_coordinator *c) {
         .answer = c->answer,
         .nlive = c->scene->network.nlive,
         .live = (double *)pm_live_inputs_values(&c->live, c->granted - 1),
-        .nstart = c->starts_anywhere && c->granted == 0 ? c->scene->physics.nz : 0,
+        .nstart = c->starts_anywhere && c->granted == c->first ? c->scene->physics.nz : 0,
+        .first = c->first,
         .start = c->start,
     };
     const size_t size = pm_tick_encode(&message, c->tick_data, c->tick_capacity);
@@ -598,24 +601,39 @@ static pm_status publish_ledger(pm_lockstep_coordinator *c, const pm_sample *sam
     return pm_transport_publish(c->endpoint.transport, c->ledger_channel, data, size);
 }
 
+static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
+    if (c->sums) {
+        pm_tally *tally = pm_report_window_tally(&c->reports, sample->step);
+        pm_tally_add_ports(tally, c->endpoint.system, sample, c->nbetween, c->between);
+        PM_TRY(pm_ledger_enter(&c->ledger, sample, tally));
+    } else {
+        PM_TRY(pm_ledger_book(&c->ledger, sample));
+    }
+    sample->live = pm_live_inputs_values(&c->live, sample->step - 1);
+    pm_pace_note(&c->pace, sample->step, c->endpoint.now);
+    return c->observer.step != NULL ? c->observer.step(c->observer.context, sample) : PM_OK;
+}
+
+// Books a state that was set or restored after its step had been booked.
+static pm_status book_again(pm_lockstep_coordinator *c, const pm_sample *sample) {
+    pm_tally tally = {0};
+    if (!c->sums) {
+        pm_tally_add_subsystems(&tally, c->endpoint.system, sample);
+    }
+    if (c->from_outside) {
+        pm_ledger_note_outside(
+            &c->ledger, c->sums ? pm_report_window_tally(&c->reports, sample->step) : &tally);
+    }
+    return PM_OK;
+}
+
 // Books the steps up to `complete`, whose reports are all there: enters each sample in the ledger,
 // hands it to the observer and saves the checkpoint if due. Publishes the ledger of the last one.
 static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
     while (c->completed < complete) {
         c->completed += 1;
         pm_sample *sample = pm_report_window_sample(&c->reports, c->completed);
-        if (c->sums) {
-            pm_tally *tally = pm_report_window_tally(&c->reports, sample->step);
-            pm_tally_add_ports(tally, c->endpoint.system, sample, c->nbetween, c->between);
-            PM_TRY(pm_ledger_enter(&c->ledger, sample, tally));
-        } else {
-            PM_TRY(pm_ledger_book(&c->ledger, sample));
-        }
-        sample->live = pm_live_inputs_values(&c->live, sample->step - 1);
-        pm_pace_note(&c->pace, sample->step, c->endpoint.now);
-        if (c->observer.step != NULL) {
-            PM_TRY(c->observer.step(c->observer.context, sample));
-        }
+        PM_TRY(c->completed > c->booked ? book(c, sample) : book_again(c, sample));
         const bool last = c->completed == c->endpoint.steps;
         if (c->checkpoint != NULL && !c->stays && (last || c->completed % c->interval == 0)) {
             // Saves the checkpoint, after the recording up to this step.
@@ -664,14 +682,14 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     if (is_at_gate(c)) {
         PM_TRY(pm_gate_refresh(&c->gate, c->endpoint.now));
     }
-    if (complete >= 0) {
+    if (complete >= c->first) {
         pm_pace_begin(&c->pace, c->endpoint.now);
     }
     if (live && c->granted < c->endpoint.steps && !may_rest(c)) {
         PM_TRY(pm_live_inputs_check(&c->live, c->endpoint.now));
     }
     const int64_t limit = grant_limit(c, complete);
-    if (complete >= 0 && limit > c->granted) {
+    if (complete >= c->first && limit > c->granted) {
         c->progressed = true;
         c->granted = limit;
         if (live) {
@@ -683,9 +701,9 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     c->failed = status != PM_OK;
     const bool over = c->completed >= c->endpoint.steps;
     const bool held = c->completed == c->granted && (c->stays || !over);
-    enter(c, c->completed < 0 ? PM_COORDINATOR_GATHERING
-             : held           ? PM_COORDINATOR_HELD
-                              : PM_COORDINATOR_STEPPING);
+    enter(c, c->completed < c->first ? PM_COORDINATOR_GATHERING
+             : held                  ? PM_COORDINATOR_HELD
+                                     : PM_COORDINATOR_STEPPING);
     // Tell the observer once in each wait of LIVE_WAIT on which channel the run waits for a
     // message.
     const char *awaited = c->phase == PM_COORDINATOR_HELD ? pm_live_inputs_awaited(&c->live) : NULL;
@@ -712,8 +730,10 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
 
 // Prepares the next run of a coordinator that stays, whose session is another. It waits for the
 // reports of the initial state.
-static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
+static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state,
+                  const pm_lockstep_point *from) {
     const double now = c->endpoint.now;
+    const int64_t first = from == NULL ? 0 : from->step;
     c->endpoint.session = pm_lockstep_session();
     c->endpoint.steps = steps > 0 ? steps : PM_STEPS_MAX;
     pm_endpoint_end(&c->endpoint, PM_OK, "");
@@ -721,8 +741,9 @@ static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
     c->want_state = want_state;
     c->sums = pm_scene_may_report_sums(c->scene) && !want_state;
     c->phase = PM_COORDINATOR_GATHERING;
-    c->completed = -1;
-    c->granted = 0;
+    c->first = first;
+    c->completed = first - 1;
+    c->granted = first;
     c->commands = 0;
     c->failed = c->fluxes_requested = false;
     c->progressed = c->tick_wanted = true;
@@ -731,16 +752,30 @@ static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
     c->nanswer = 0;
     for (int i = 0; i < c->nremote; ++i) {
         pm_remote_process *remote = &c->remote[i];
-        remote->done = -1;
+        remote->done = first - 1;
         remote->moved = true;
         remote->left = false;
         memset(remote->seen_step, -1, sizeof remote->seen_step);
     }
-    pm_report_window_restart(&c->reports, 0);
-    pm_ledger_init(&c->ledger, c->endpoint.system);
-    (void)pm_step_controller_init(&c->step_controller, c->scene); // it succeeded before
-    pm_live_inputs_set(&c->live, NULL);
+    pm_report_window_restart(&c->reports, first);
+    if (from == NULL) {
+        pm_ledger_init(&c->ledger, c->endpoint.system);
+        (void)pm_step_controller_init(&c->step_controller, c->scene); // it succeeded before
+        pm_live_inputs_set(&c->live, NULL);
+    } else {
+        c->ledger = from->ledger;
+        c->step_controller.substeps = from->substeps;
+        c->step_controller.expected = from->expected_error;
+        // The values that held last hold on.
+        pm_live_inputs *live = &c->live;
+        const int last = (int)((live->next + 1) % 2);
+        memcpy(live->taken[1 - last], live->taken[last],
+               (size_t)c->scene->network.nlive * sizeof *live->taken[last]);
+        live->next = first;
+    }
     c->pace.begun = -1;
+    c->pace.first = first;
+    c->booked = from == NULL ? -1 : first;
     c->pace.late = 0;
     c->pace.latest = 0;
     c->health.message.session = c->endpoint.session;
@@ -749,7 +784,8 @@ static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state) {
 }
 
 void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c, const pm_lockstep_order *order) {
-    renew(c, order->steps, order->want_state);
+    renew(c, order->steps, order->want_state, order->from);
+    c->from_outside = order->from_outside;
     c->waits = false;
     c->observer = order->observer;
     c->pace.interval = order->pace > 0 ? c->scene->physics.dt / order->pace : 0;
@@ -801,7 +837,7 @@ static pm_status request_missing(pm_lockstep_coordinator *c) {
     if (c->stays) {
         PM_TRY(publish_tick(c));
     }
-    const bool fluxes = c->hears_fluxes && !c->fluxes_requested && c->granted > 0;
+    const bool fluxes = c->hears_fluxes && !c->fluxes_requested && c->granted > c->first;
     const int64_t shown = c->granted - c->scene->network.window; // by every process
     bool any = false;
     c->fluxes_requested = true;
@@ -870,7 +906,7 @@ static pm_status await(pm_lockstep_coordinator *c) {
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *c) {
     int count = 0;
     for (int i = 0; i < c->nremote; ++i) {
-        count += c->completed >= 0 || c->remote[i].greeted[0] != 0;
+        count += c->completed >= c->first || c->remote[i].greeted[0] != 0;
     }
     return count;
 }
@@ -881,7 +917,7 @@ int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *c) {
 static void close_run(pm_lockstep_coordinator *c) {
     // Book the steps that processes reported only after the run failed or was interrupted. A
     // failure in one of these steps came first, and becomes the reason for the end of the run.
-    if (!c->failed && c->completed >= 0) {
+    if (!c->failed && c->completed >= c->first) {
         const int64_t complete =
             pm_report_window_complete(&c->reports, c->completed, c->endpoint.steps);
         const pm_status status = book_steps(c, complete);
@@ -909,7 +945,7 @@ static void close_run(pm_lockstep_coordinator *c) {
         done = c->commands > COMMAND_COUNT;
     }
     if (done && c->stays && c->endpoint.status != PM_EINTERRUPTED) {
-        renew(c, 0, c->want_state); // the processes join anew
+        renew(c, 0, c->want_state, NULL); // the processes join anew
         c->waits = c->hello_wanted = true;
         c->starts_anywhere = false;
         c->hold_at = 0;
@@ -1030,7 +1066,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->want_state = given->want_state;
     c->endpoint.session = given->session > 0 ? given->session : pm_lockstep_session();
     c->endpoint.steps = given->steps > 0 ? given->steps : system->scene->run.steps;
-    c->completed = -1;
+    c->completed = c->booked = -1;
     c->run = 1;
     c->stays = c->waits = given->stays;
     c->hold_at = c->stays ? 0 : INT64_MAX;

@@ -113,12 +113,23 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator
 // observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
+// What is kept of a run after a step, besides the state.
+typedef struct pm_lockstep_point {
+    int64_t step;
+    pm_ledger ledger;
+    int substeps;          // that the step controller has chosen for the next step
+    double expected_error; // of this step (step_controller.h)
+} pm_lockstep_point;
+
 // The run that a coordinator that stays is to begin.
 typedef struct pm_lockstep_order {
-    int64_t steps;   // 0: until somebody holds it
-    const double *z; // [scene->nz] the state at the start, copied; NULL: the scene's
-    double pace;     // simulated s per s; 0: as fast as it can be
-    bool want_state; // the observer needs z
+    int64_t steps;                 // 0: until somebody holds it
+    const double *z;               // [scene->nz] the first state, copied; NULL: the scene's
+    const pm_lockstep_point *from; // it goes on from there, at `z`; NULL: it begins at step 0
+    bool from_outside; // `z` is not the state there: the difference of energy and entropy came
+                       // from the outside
+    double pace;       // simulated s per s; 0: as fast as it can be
+    bool want_state;   // the observer needs z
     pm_lockstep_observer observer;
 } pm_lockstep_order;
 
@@ -162,6 +173,9 @@ struct pm_lockstep_coordinator {
     bool waits;           // it stays, and no run has begun since its processes came
     int64_t run;          // number of the run, from 1
     int64_t hold_at;      // steps that may be granted; INT64_MAX: all of them
+    int64_t first;        // step at whose state the processes joined
+    int64_t booked;       // last step that was booked before they did
+    bool from_outside;    // their state was set by somebody
     double *start;        // [nz] where the run starts, if it stays and `starts_anywhere`
     bool starts_anywhere; // not where the scene says
     pm_sample *last;      // of the last step completed, if it stays and `want_state`
@@ -178,7 +192,7 @@ struct pm_lockstep_coordinator {
 
     int lookahead;              // most steps granted beyond the last complete one (lookahead.h)
     bool hears_fluxes;          // it learns from fluxes which steps are complete (lookahead.h)
-    int64_t completed, granted; // steps; completed is -1 before the initial state is known
+    int64_t completed, granted; // steps; completed is first - 1 before that state is known
     bool failed;                // a step could not enter the ledger; no later one enters
     bool progressed;            // the run made progress; the next poll begins a new wait
     bool fluxes_requested;      // this wait has requested fluxes; it requests reports next

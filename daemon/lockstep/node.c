@@ -11,8 +11,8 @@
 // HELLO    a tick             0.1 s passed                       HELLO     hello
 //                             hello, tick, END or ABORT of an    HELLO     hello that names it
 //                               unknown coordinator
-//                             proven tick, granted = 0           RUNNING   report of step 0
-//                             proven tick, granted > 0, and a    RUNNING   hello
+//                             proven tick, nothing granted       RUNNING   report of the first
+//                             state proven tick, steps granted, and a  RUNNING   hello
 //                               checkpoint of its session
 //                             patience passed                    FAILING
 //                             proven END (with a checkpoint)     LEAVING   BYE
@@ -54,8 +54,9 @@
 // RUNNING                     own failure, interrupt             FAILING
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
 // FAILING                                                                    keeps no checkpoint
-// RUNNING                     tick of its coordinator with a     RUNNING   report of step 0
-//                               later run, granted = 0
+// RUNNING                     tick of its coordinator with a     RUNNING   report of the first
+// state
+//                               later run, nothing granted
 //
 // A node that stays goes to HELLO where the table says FINISHED, but for a refusal and an
 // interrupt, and where it says FAILING because the coordinator is silent. In HELLO it waits as long
@@ -228,10 +229,10 @@ static bool is_granted(const pm_lockstep_node *node) {
 
 // Returns true if the flux of the next step's first round may be published before the step is
 // granted, so that the neighbours have it when they are granted the step. This is impossible if the
-// tick chooses the substeps. The flux of step 0 waits for the first grant, which shows that every
-// process listens.
+// tick chooses the substeps. The flux of the first step waits for the first grant, which shows that
+// every process listens.
 static bool may_publish_ahead(const pm_lockstep_node *node) {
-    return node->scene->physics.tolerance == 0 && node->granted > 0 &&
+    return node->scene->physics.tolerance == 0 && node->granted > node->followed.first &&
            node->step == node->granted && node->step < node->endpoint.steps;
 }
 
@@ -285,16 +286,17 @@ static pm_status roll_back(pm_lockstep_node *node, int64_t step) {
     node->round = 0;
     node->started = false;
     node->progressed = true;
-    return found == 0 ? report(node) : PM_OK;
+    return found == node->followed.first ? report(node) : PM_OK;
 }
 
-// Takes the subsystems to step 0 of a run, at the initial state or at the start that the tick
-// names.
+// Takes the subsystems to the first step of a run, at the initial state or at the start that the
+// tick names.
 static void restart(pm_lockstep_node *node, const portmet_tick_t *tick) {
     pm_checkpoint_ring *ring = &node->checkpoints;
     pm_process_subsystems *subsystems = &node->subsystems;
     pm_local_subsystems_set_state(subsystems->local,
                                   tick->nstart > 0 ? tick->start : node->initial);
+    pm_local_subsystems_set_step(subsystems->local, (long)tick->first);
     // Messages of the run before are forgotten.
     for (int i = 0; i < subsystems->nlink; ++i) {
         for (int k = 0; k < PM_INBOX_DEPTH; ++k) {
@@ -306,7 +308,7 @@ static void restart(pm_lockstep_node *node, const portmet_tick_t *tick) {
     node->reporter.count = 0;
     pm_resend_buffer_clear(&node->reporter.sent);
     memset(node->requests, 0, (size_t)(node->subsystems.nlink + 1) * sizeof *node->requests);
-    node->step = node->furthest = 0;
+    node->step = node->furthest = tick->first;
     node->round = 0;
     node->started = false;
     node->progressed = true;
@@ -315,7 +317,7 @@ static void restart(pm_lockstep_node *node, const portmet_tick_t *tick) {
     }
     if (ring->path != NULL) {
         ring->state[0] = -1;
-        save_state(newer(ring), 0, &node->subsystems);
+        save_state(newer(ring), (long)tick->first, &node->subsystems);
     }
 }
 
@@ -413,7 +415,8 @@ static int64_t most_granted(const pm_lockstep_node *node) {
 static bool is_sane(const pm_lockstep_node *node, const portmet_tick_t *tick) {
     const bool chosen = pm_physics_is_adaptive(&node->scene->physics);
     return tick->steps >= 0 && tick->steps <= PM_STEPS_MAX && tick->granted >= 0 &&
-           tick->granted <= tick->steps && tick->instance != 0 &&
+           tick->granted <= tick->steps && tick->instance != 0 && tick->first >= 0 &&
+           tick->first <= tick->granted &&
            (tick->nstart == 0 || tick->nstart == node->scene->physics.nz) &&
            (!chosen || (tick->substeps >= 1 && tick->substeps <= PM_MOST_SUBSTEPS));
 }
@@ -453,18 +456,18 @@ static pm_drop hear_first(pm_lockstep_node *node, const portmet_tick_t *tick, bo
         return PM_DROP_IMPLAUSIBLE;
     }
     if (!answers) {
-        node->late = node->late || (tick->granted > 0 && node->checkpoints.path == NULL);
+        node->late = node->late || (tick->granted > tick->first && node->checkpoints.path == NULL);
         if (tick->instance != node->endpoint.identity.hello.coordinator) {
             ask(node, tick->instance);
         }
         return PM_DROP_SESSION;
     }
     bool known = false;
-    if (tick->granted > 0) {
+    if (tick->granted > tick->first) {
         check(node, has_session(&node->checkpoints, tick->session, &known));
         node->late = !known;
     }
-    if (node->phase != PM_NODE_HELLO || (tick->granted > 0 && !known)) {
+    if (node->phase != PM_NODE_HELLO || (tick->granted > tick->first && !known)) {
         return PM_DROP_SESSION;
     }
     node->endpoint.session = tick->session;
@@ -472,10 +475,10 @@ static pm_drop hear_first(pm_lockstep_node *node, const portmet_tick_t *tick, bo
     enter(node, PM_NODE_RUNNING);
     follow(node, tick);
     note_used(node, NULL);
-    if (tick->granted == 0 && node->initial != NULL) {
+    if (tick->granted == tick->first && node->initial != NULL) {
         restart(node, tick);
     }
-    if (tick->granted > 0) {
+    if (tick->granted > tick->first) {
         // The hello reveals this node to another one of the same name, which may have missed its
         // earlier hellos.
         check(node, pm_identity_publish_hello(&node->endpoint.identity));
@@ -516,7 +519,7 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     }
     const bool later = node->phase == PM_NODE_RUNNING && tick->instance == node->coordinator &&
                        tick->run > node->followed.run;
-    if (later && tick->granted == 0 && tick->session > 0 && is_sane(node, tick) &&
+    if (later && tick->granted == tick->first && tick->session > 0 && is_sane(node, tick) &&
         tick->digest == (int64_t)node->endpoint.system->digest &&
         tick->dt == node->scene->physics.dt && node->initial != NULL) {
         node->endpoint.session = tick->session;
@@ -535,7 +538,8 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     const bool is_followed = tick->instance == followed->instance &&
                              tick->digest == followed->digest && tick->steps == followed->steps &&
                              tick->dt == followed->dt && tick->want_state == followed->want_state &&
-                             tick->served == followed->served && tick->run == followed->run;
+                             tick->served == followed->served && tick->run == followed->run &&
+                             tick->first == followed->first;
     if (!is_followed && !answers) {
         ask(node, tick->instance);
         return PM_DROP_RANGE;
@@ -575,7 +579,7 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
                             (long long)tick->granted, node->substeps, tick->substeps));
         return PM_DROP_CONFLICT;
     }
-    if (same && node->granted > 0 && live_size > 0 &&
+    if (same && node->granted > followed->first && live_size > 0 &&
         memcmp(node->live, tick->live, live_size) != 0) {
         check(node, pm_fail(PM_ENET,
                             "two ticks grant step %lld with different live inputs, so that one is "
@@ -808,7 +812,8 @@ static pm_status answer_report(pm_lockstep_node *node, const portmet_request_t *
     const request_age age =
         age_of(&node->requests[peer(node, NULL)], request, step, node->endpoint.now);
     const bool missed = !kept && step <= node->step - node->reporter.rows;
-    return missed ? recompute(node, request, age, step > 0 ? step - 1 : 0) : PM_OK;
+    return missed ? recompute(node, request, age, step > node->followed.first ? step - 1 : step)
+                  : PM_OK;
 }
 
 // Publishes a flux again, or computes it again.
@@ -939,7 +944,7 @@ static pm_status await(pm_lockstep_node *node) {
     // by another time.
     const double n = node->scene->network.nprocess;
     const double later = 1 + (double)(node->endpoint.identity.hello.instance & 1023) / 1024;
-    const bool begins = node->granted == 0;
+    const bool begins = node->granted == node->followed.first;
     const bool unheard = now >= node->coordinator_heard + later * LONG_ASK;
     const double pause = begins    ? EACH_ASK * n
                          : unheard ? LONG_ASK

@@ -12,6 +12,7 @@
 typedef struct pm_pace {
     double interval; // s of the clock for one step; 0: the run is as fast as it can be
     double begun;    // s, monotonic, when the first step could begin; negative: not yet
+    int64_t first;   // steps completed then
     int64_t late;    // steps that ended after their deadline
     double latest;   // s, the longest time by which a step was late
 } pm_pace;

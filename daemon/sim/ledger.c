@@ -149,6 +149,11 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
     return pm_ledger_enter(ledger, sample, &tally);
 }
 
+void pm_ledger_note_outside(pm_ledger *ledger, const pm_tally *tally) {
+    ledger->outside_energy = ledger->energy - pm_reproducible_sum_value(&tally->energy);
+    ledger->outside_entropy = ledger->entropy - pm_reproducible_sum_value(&tally->entropy);
+}
+
 // --- checkpoint ---
 
 void pm_ledger_record(pm_ledger *l, pm_serializer *serializer) {

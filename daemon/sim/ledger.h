@@ -62,6 +62,10 @@ pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
 // the step, and the fluxes into boundary inputs.
 pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally);
 
+// Notes that somebody has changed the state after the last sample. The tally has the energy and the
+// entropy of the state since then: the difference came from the outside, so that the totals stay.
+void pm_ledger_note_outside(pm_ledger *ledger, const pm_tally *tally);
+
 // Puts into the serializer all numbers with which the ledger continues after a step.
 void pm_ledger_record(pm_ledger *ledger, pm_serializer *serializer);
 

@@ -67,6 +67,9 @@ void pm_local_subsystems_set_boundary_input(pm_local_subsystems *local,
 // Starts a run at step 0 from the concatenated state z [scene->nz] of the whole scene. All fluxes
 // and counts of pm_books are zero there.
 void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z);
+// Lets a run that was just started begin at `step` instead of 0: boundary inputs have the values of
+// that step.
+void pm_local_subsystems_set_step(pm_local_subsystems *local, long step);
 // Sets the number of substeps of every step from the next one on (step_controller.h), until it is
 // called again. It may only be called between two steps.
 void pm_local_subsystems_set_substeps(pm_local_subsystems *local, int substeps);

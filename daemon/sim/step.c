@@ -144,6 +144,10 @@ void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) 
     start(m, d);
 }
 
+void pm_local_subsystems_set_step(pm_local_subsystems *local, long step) {
+    local->data.step = step;
+}
+
 // --- a round ---
 
 bool pm_local_subsystems_completes_step(const pm_local_subsystems *local) {

@@ -52,6 +52,21 @@ asks 0 "" resume
 wait_until sh -c "'$portmetd' query '$scene' | grep -q 'ended, run'" || fail "the run did not end"
 same held.h5 plain.h5
 
+# States between steps: one that is kept is restored with its bits, in a later run as well.
+asks 0 "held, run .*, step 0" start --held --steps 50 --trajectory 0
+asks 0 "step 10 of" advance --steps 10
+timeout 60 "$portmetd" checkpoint "$scene" ten >"$folder/ten.out" || fail "checkpoint"
+asks 0 "step 10 of" set --state "$(sed -n 's/^state //p' "$folder/ten.out" | sed 's/[^,]*/0.5/')"
+asks 0 "step 20 of" advance --steps 10
+cp "$folder/asks.out" "$folder/other.out"
+timeout 60 "$portmetd" restore "$scene" ten --held >"$folder/restored.out" || fail "restore"
+sed 's/run [0-9]*/run/' "$folder/ten.out" >"$folder/ten"
+sed 's/run [0-9]*/run/' "$folder/restored.out" | cmp - "$folder/ten" || fail "restore: another state"
+asks 0 "step 20 of" advance --steps 10
+cmp -s "$folder/asks.out" "$folder/other.out" && fail "set --state: the same states"
+asks 0 "ended" stop
+asks 2 "no run is under way" advance
+
 # The examples in plain LCM, in C and in Python.
 "$advance" pair 5 >"$folder/advance.out" 2>&1 || fail "advance: $(cat "$folder/advance.out")"
 grep -q "^step 5, " "$folder/advance.out" || fail "advance: $(cat "$folder/advance.out")"

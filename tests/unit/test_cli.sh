@@ -47,7 +47,7 @@ for command in run node coordinator check test; do
     expect 2 'unknown option "-x"' $command -x "$scene"
     expect 2 "--weights needs a value" $command "$scene" --weights
 done
-for command in serve start pause resume advance set reset stop query reload; do
+for command in serve start pause resume advance set reset stop query reload checkpoint restore; do
     succeed "Usage: portmetd $command SCENE" $command --help
     expect 2 "$command: expected SCENE" $command
     expect 2 'unknown option "--wrong"' $command --wrong "$scene"

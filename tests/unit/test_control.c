@@ -7,8 +7,11 @@
 #include <stdint.h>
 // cmocka needs the above.
 #include <cmocka.h>
+#include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "lockstep/control.h"
 #include "tests/support/cluster_fixture.h"
@@ -23,6 +26,8 @@ typedef struct stage {
     const double *from; // [nz] where the next run starts
     int begun, ended;   // runs
     int reloads;
+    bool alone; // samples are not compared with the plain loop
+    char folder[64];
     pm_status status; // of the last one
     char why[256];
 } stage;
@@ -40,6 +45,13 @@ typedef struct client {
 
 // --- the service ---
 
+static pm_status count(void *context, const pm_sample *sample) {
+    cluster *c = context;
+    (void)sample;
+    c->steps_seen += 1;
+    return PM_OK;
+}
+
 static pm_status begin(void *context, const pm_control_run *run, pm_lockstep_observer *observer) {
     stage *t = context;
     cluster *c = &t->c;
@@ -47,7 +59,7 @@ static pm_status begin(void *context, const pm_control_run *run, pm_lockstep_obs
     pm_monolithic_set_state(c->assembly, t->from);
     c->steps_seen = 0;
     t->begun += 1;
-    *observer = (pm_lockstep_observer){.context = c, .step = cluster_compare};
+    *observer = (pm_lockstep_observer){.context = c, .step = t->alone ? count : cluster_compare};
     return PM_OK;
 }
 
@@ -59,6 +71,13 @@ static pm_status end(void *context, const pm_control_run *run, int64_t step, pm_
     t->status = status;
     snprintf(t->why, sizeof t->why, "%s", message);
     return status == PM_OK ? PM_OK : pm_fail(status, "%s", message);
+}
+
+static pm_status place(void *context, const char *name, const char *suffix, char *path,
+                       size_t size) {
+    const stage *t = context;
+    snprintf(path, size, "%s/%s%s", t->folder, name, suffix);
+    return PM_OK;
 }
 
 static pm_status reload(void *context) {
@@ -78,17 +97,19 @@ static void turn_for(stage *t, double seconds) {
     }
 }
 
-static void stage_open(stage *t, int count, const pm_hub_faults *faults) {
-    *t = (stage){.hub = cluster_hub(faults)};
+static void stage_open(stage *t, int nlink, const pm_hub_faults *faults) {
+    const bool alone = t->alone;
+    *t = (stage){.hub = cluster_hub(faults), .alone = alone};
     cluster *c = &t->c;
-    cluster_open(c, count, 2, t->hub, SESSION);
-    cluster_kill(c, count);
+    cluster_open(c, nlink, 2, t->hub, SESSION);
+    cluster_kill(c, nlink);
     c->stays = true;
-    cluster_return(c, count);
+    cluster_return(c, nlink);
     t->from = c->f.z;
-    const pm_control_service service = {t, "what is served", false, begin, end, reload};
+    const pm_control_service service = {t,     "what is served", alone ? place : NULL, begin, end,
+                                        reload};
     assert_int_equal(pm_control_open(&t->control, c->coordinator, &service), PM_OK);
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < nlink; ++i) {
         cluster_add(c, i, c->f.system, SESSION);
     }
 }
@@ -189,7 +210,7 @@ static void test_one_run_after_another(void **context) {
         const double part = seed == 0 ? 0 : 0.2;
         const pm_hub_faults faults = {
             .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
-        stage t;
+        stage t = {0};
         client k;
         stage_open(&t, 3, &faults);
         client_open(&k, &t, 5, "bench");
@@ -227,7 +248,7 @@ static void test_one_run_after_another(void **context) {
 
 static void test_steps_on_demand(void **context) {
     (void)context;
-    stage t;
+    stage t = {0};
     client k;
     stage_open(&t, 2, NULL);
     client_open(&k, &t, 5, "bench");
@@ -324,11 +345,130 @@ static void test_steps_on_demand(void **context) {
     stage_close(&t);
 }
 
+// --- states between steps ---
+
+static double sum(const double *value, int count) {
+    double total = 0;
+    for (int i = 0; i < count; ++i) {
+        total += value[i];
+    }
+    return total;
+}
+
+// A state that is set between two steps, and one that was kept and is restored, are where the run
+// goes on, with the bits of the plain loop. What a state has more than the one before came from the
+// outside, so that the totals stay.
+static void test_states_between_steps(void **context) {
+    (void)context;
+    for (uint64_t seed = 0; seed < 3; ++seed) {
+        const double part = seed == 0 ? 0 : 0.2;
+        const pm_hub_faults faults = {
+            .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
+        stage t = {.alone = true};
+        client k;
+        stage_open(&t, 3, &faults);
+        snprintf(t.folder, sizeof t.folder, "/tmp/test_control_XXXXXX");
+        assert_non_null(mkdtemp(t.folder));
+        client_open(&k, &t, 5, "bench");
+        cluster *c = &t.c;
+        const int nz = c->f.scene->physics.nz;
+        const size_t bytes = (size_t)nz * sizeof(double);
+        double z[MOST_NZ];
+        k.request.held = 1;
+        assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+        k.request.steps = 6;
+        assert_int_equal(ASK(&k, ADVANCE), DONE);
+        const portmet_control_reply_t before = k.reply;
+        const double inside = sum(before.part_energy, 3);
+        for (int i = 0; i < nz; ++i) {
+            z[i] = k.z[i] * (1 + 0.1 * (i + 1));
+        }
+        k.request.z = z;
+        k.request.nz = 1;
+        assert_refused(&k, PORTMET_CONTROL_T_SET, "a state of 1 numbers");
+        k.request.nz = nz;
+        assert_int_equal(ASK(&k, SET), DONE);
+        k.request.nz = 0;
+        assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_HELD);
+        assert_int_equal(k.reply.step, 6);
+        assert_int_equal(k.reply.run, before.run);
+        assert_memory_equal(k.z, z, bytes);
+        assert_true(k.reply.energy == before.energy && k.reply.entropy == before.entropy);
+        assert_true(fabs(k.reply.outside_energy - inside + sum(k.reply.part_energy, 3)) <
+                    1e-12 * fabs(inside));
+        assert_true(fabs(k.reply.outside_energy) > 1e-3 * fabs(inside));
+        k.request.steps = 5;
+        assert_int_equal(ASK(&k, ADVANCE), DONE);
+        assert_int_equal(k.reply.step, 11);
+        pm_monolithic_set_state(c->assembly, z);
+        for (int i = 0; i < 5; ++i) {
+            assert_int_equal(pm_monolithic_step(c->assembly), PM_OK);
+        }
+        assert_memory_equal(k.z, pm_monolithic_sample(c->assembly)->z, bytes);
+        assert_int_equal(c->steps_seen, 12); // each step was observed once
+
+        k.request.file = "a";
+        assert_int_equal(ASK(&k, CHECKPOINT), DONE);
+        memcpy(z, k.z, bytes);
+        const portmet_control_reply_t kept = k.reply;
+        assert_int_equal(ASK(&k, ADVANCE), DONE);
+        double later[MOST_NZ];
+        memcpy(later, k.z, bytes);
+        const portmet_control_reply_t after = k.reply;
+        for (int i = 0; i < 2; ++i) { // in this run, and in another one
+            assert_int_equal(ASK(&k, RESTORE), DONE);
+            assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_HELD);
+            assert_int_equal(k.reply.step, 11);
+            assert_memory_equal(k.z, z, bytes);
+            assert_memory_equal(&k.reply.energy, &kept.energy, sizeof kept.energy);
+            assert_int_equal(ASK(&k, ADVANCE), DONE);
+            assert_int_equal(k.reply.step, 16);
+            assert_memory_equal(k.z, later, bytes);
+            assert_true(k.reply.energy == after.energy && k.reply.entropy == after.entropy &&
+                        k.reply.energy_drift == after.energy_drift &&
+                        k.reply.outside_energy == after.outside_energy &&
+                        k.reply.violations == after.violations);
+            assert_int_equal(ASK(&k, STOP), DONE);
+            k.request.file = "";
+            k.request.steps = 0;
+            assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+            k.request.file = "a";
+            k.request.steps = 5;
+        }
+        // What cannot be kept or restored.
+        k.request.file = "../a";
+        assert_refused(&k, PORTMET_CONTROL_T_CHECKPOINT, "letters, digits");
+        k.request.file = "";
+        assert_refused(&k, PORTMET_CONTROL_T_RESTORE, "letters, digits");
+        k.request.file = "b";
+        assert_int_equal(ASK(&k, RESTORE), PORTMET_CONTROL_REPLY_T_REFUSED);
+        assert_non_null(strstr(k.text, "nothing is kept as b"));
+        char path[128];
+        (void)place(&t, "b", ".state", path, sizeof path);
+        FILE *file = fopen(path, "w");
+        assert_non_null(file);
+        fputs("of somebody else", file);
+        fclose(file);
+        assert_int_equal(ASK(&k, CHECKPOINT), PORTMET_CONTROL_REPLY_T_REFUSED);
+        unlink(path);
+        k.request.file = "a";
+        assert_int_equal(ASK(&k, RESUME), DONE);
+        assert_refused(&k, PORTMET_CONTROL_T_CHECKPOINT, "the run goes on");
+        k.request.nz = nz;
+        assert_refused(&k, PORTMET_CONTROL_T_SET, "the run goes on");
+        (void)place(&t, "a", ".state", path, sizeof path);
+        assert_int_equal(unlink(path), 0);
+        assert_int_equal(rmdir(t.folder), 0);
+        pm_transport_close(k.transport);
+        stage_close(&t);
+    }
+}
+
 // --- refusals ---
 
 static void test_two_clients(void **context) {
     (void)context;
-    stage t;
+    stage t = {0};
     client a, b;
     stage_open(&t, 2, NULL);
     client_open(&a, &t, 5, "first");
@@ -360,7 +500,7 @@ static void test_two_clients(void **context) {
 static void test_wrong_requests(void **context) {
     (void)context;
     static const char *const names[] = {"../a.h5", "a/b", ".a", "a b", "/etc/x", "a\\b", "ä"};
-    stage t;
+    stage t = {0};
     client k;
     double z[MOST_NZ] = {0};
     stage_open(&t, 2, NULL);
@@ -421,7 +561,7 @@ static void test_wrong_requests(void **context) {
 // A process that dies ends the run, and the one that takes its place serves the next run.
 static void test_next_run_after_a_death(void **context) {
     (void)context;
-    stage t;
+    stage t = {0};
     client k;
     stage_open(&t, 3, NULL);
     client_open(&k, &t, 5, "bench");
@@ -468,7 +608,7 @@ static void test_rest_is_quiet(void **context) {
     static const char *const channel[] = {
         "chain_TICK",    "chain_REQUEST_TICK",  "chain_HELLO",      "chain_HELLO_link1",
         "chain_REQUEST", "chain_REQUEST_link1", "chain_FLUX_link1", "chain_REPORT_link1"};
-    stage t;
+    stage t = {0};
     pm_transport *listener;
     int count = 0;
     stage_open(&t, 3, NULL);
@@ -487,11 +627,9 @@ static void test_rest_is_quiet(void **context) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_run_after_another),
-        cmocka_unit_test(test_steps_on_demand),
-        cmocka_unit_test(test_two_clients),
-        cmocka_unit_test(test_wrong_requests),
-        cmocka_unit_test(test_next_run_after_a_death),
+        cmocka_unit_test(test_one_run_after_another), cmocka_unit_test(test_steps_on_demand),
+        cmocka_unit_test(test_two_clients),           cmocka_unit_test(test_states_between_steps),
+        cmocka_unit_test(test_wrong_requests),        cmocka_unit_test(test_next_run_after_a_death),
         cmocka_unit_test(test_rest_is_quiet),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -142,7 +142,8 @@ class Listening(unittest.TestCase):
 
     def test_remote(self):
         path = "configs/double_pendulum.yaml"
-        service = subprocess.Popen(["portmetd", "serve", path], stderr=subprocess.DEVNULL)
+        folder = tempfile.TemporaryDirectory()
+        service = subprocess.Popen(["portmetd", "serve", path, "--record", folder.name], stderr=subprocess.DEVNULL)
         try:
             scene = portmet.Scene(path)
             with portmet.Remote("double_pendulum") as remote:
@@ -160,6 +161,19 @@ class Listening(unittest.TestCase):
                 remote.restart(state).step(7)
                 scene.restart(state).step(7)
                 self.assertTrue((remote.state == scene.state).all())
+                # A state between two steps, and one that is kept.
+                remote.checkpoint("seven")
+                totals = remote.ledger.energy, remote.ledger.entropy
+                remote.set_state(state)
+                self.assertEqual((remote.steps, remote.ledger.energy, remote.ledger.entropy), (7, *totals))
+                remote.step(7)
+                self.assertTrue((remote.state == scene.state).all())
+                self.assertEqual(remote.steps, 14)
+                remote.restore("seven")
+                self.assertEqual((remote.steps, remote.ledger.energy), (7, totals[0]))
+                self.assertTrue((remote.state == scene.state).all())
+                with self.assertRaisesRegex(portmet.Error, "nothing is kept as eight"):
+                    remote.restore("eight")
                 with self.assertRaisesRegex(portmet.Error, "is under way"):
                     portmet.Remote("double_pendulum")
                 with self.assertRaises(ValueError):
@@ -169,6 +183,7 @@ class Listening(unittest.TestCase):
         finally:
             service.terminate()
             self.assertEqual(service.wait(), 0)
+            folder.cleanup()
 
     def test_publishing(self):
         with portmet.Listener(channels="HELLO") as hears, portmet.Listener() as speaks:

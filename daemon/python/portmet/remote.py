@@ -24,6 +24,23 @@ class Remote(Scene):
     def __exit__(self, *_):
         self.close()
 
+    def set_state(self, state):
+        """Goes on at `state` [variables] with the next step. The energy and the entropy by which it differs
+        come from the outside: the totals of the ledger stay."""
+        state = self._whole_state(state)
+        c.check(c.library.portmet_scene_set_state(self._pointer, state.ctypes.data))
+        return self
+
+    def checkpoint(self, name):
+        """Keeps state and ledger under `name` in the folder of the service."""
+        c.check(c.library.portmet_scene_checkpoint(self._pointer, name.encode()))
+        return self
+
+    def restore(self, name):
+        """Takes the run to what is kept under `name`, by this run or an earlier one."""
+        c.check(c.library.portmet_scene_restore(self._pointer, name.encode()))
+        return self
+
     def close(self):
         """Ends the run; the service stays, and so do the arrays."""
         c.check(c.library.portmet_scene_stop(self._pointer))

@@ -164,14 +164,15 @@ class Scene:
 
     def restart(self, state=None):
         """Begins again at step 0, at `state` [variables] or at the scene's initial state."""
-        z = None
-        if state is not None:
-            state = numpy.ascontiguousarray(state, dtype=float)
-            if state.shape != self.state.shape:
-                raise ValueError(f"a state of {state.shape}, expected {self.state.shape}")
-            z = state.ctypes.data
-        c.check(c.library.portmet_scene_restart(self._pointer, z))
+        state = None if state is None else self._whole_state(state)
+        c.check(c.library.portmet_scene_restart(self._pointer, None if state is None else state.ctypes.data))
         return self
+
+    def _whole_state(self, state):
+        state = numpy.ascontiguousarray(state, dtype=float)
+        if state.shape != self.state.shape:
+            raise ValueError(f"a state of {state.shape}, expected {self.state.shape}")
+        return state
 
     def set_input(self, name, value):
         """Prescribes the input of this name (input_names), or all components of a group ("hand.f"),
