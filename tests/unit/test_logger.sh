@@ -46,6 +46,27 @@ grep -q "^noise: estimated" "$folder/swing/training.yaml" || fail "propose: the 
 succeed "angle: residual 0.00" fit "$folder/swing/training.yaml" -o "$folder/swing/weights"
 grep -qE "system.cos1_angle = -(8.[89]|9.[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 
+# A sledge of which only the place is known: its velocity is hidden, and its mass follows from the force.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = rand() - 0.5; v = rand() - 0.5; print "t [s],q [m],F [N]"
+        for (k = 0; k < 150; k++) {
+            if (k % 12 == 0) F = int(25*rand()) - 12
+            printf "%.3f,%.5f,%g\n", 0.02*k, q + 0.001*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand()), F
+            for (j = 0; j < 40; j++) { v += 0.0005*(F - 8*v)/2; q += 0.0005*v }
+        }
+    }' >"$folder/sledge_$i.csv"
+done
+succeed "q_rate" propose --data "$folder"/sledge_?.csv --inputs F -o "$folder/sledge"
+succeed "Verdict: good" fit "$folder/sledge/training.yaml" -o "$folder/sledge/weights"
+grep -qE "inertia_q_rate = (1.9[5-9]|2.0[0-5])" "$folder/out" || fail "fit: expected a mass of 2"
+
+# A motor of which only the speed is known: a hidden current moves it.
+for i in 1 2 3 4 5; do cut -d, -f1,3,4 "$folder/motor_$i.csv" >"$folder/speed_$i.csv"; done
+succeed "w_behind" propose --data "$folder"/speed_?.csv --inputs u -o "$folder/speed"
+grep -q "^# \* w: moved by a hidden variable without loss" "$folder/speed/training.yaml" || fail "propose: expected a hidden current"
+succeed "Verdict: good" fit "$folder/speed/training.yaml" -o "$folder/speed/weights"
+
 # Two tanks in two parts: what leaves the upper one falls into the lower one. Units are converted.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

@@ -52,9 +52,9 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
         {"--seed", NULL, "N", NULL, &seed, false,
          "without SCENE: of the training file; default: 1"},
         {"--hidden", NULL, "N", NULL, &hidden, false,
-         "without SCENE: 0 if no velocity is missing; default: those of positions"},
+         "without SCENE: 0 if all variables are measured; default: short fits tell"},
         {"--budget", NULL, "SECONDS", NULL, &budget, false,
-         "with SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
+         "CPU time for trials of hypotheses; 0: none is tried (default 60)"},
     };
     const struct pm_several others[] = {{"--part", &part}, {"--port", &port}, {NULL, NULL}};
     const pm_options options = {
@@ -94,6 +94,8 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
     if (scene == NULL) {
         PM_TRY_DONE(seed == NULL ? PM_OK : pm_options_count("--seed", seed, INT32_MAX, &number));
         const pm_logger_hints hints = {.seed = (int)number,
+                                       .budget = how.budget,
+                                       .stop = stop,
                                        .inputs = inputs,
                                        .npart = part.count,
                                        .part = part.word,

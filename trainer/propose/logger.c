@@ -2,10 +2,28 @@
 #include "propose/logger.h"
 
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "propose/logger_draft.h"
+#include "propose/search.h"
+
+// Trials: of so many samples at most, in so many trajectories at least, so that some can be kept
+// back, and with so many steps of the continuation.
+#define SAMPLES 6000
+#define FEWEST_SAMPLES 1024 // in a batch of single steps
+#define FEWEST_TRAJECTORIES 10
+#define STEPS 150
+#define SECONDS 30 // of CPU time of a trial, at most
+// More that is hidden must lower the error by this factor. Columns that are predicted as well as
+// their noise allows, or to this part of their deviation, need nothing more.
+#define BETTER 0.85
+#define NOISE_ALONE 2.0
+#define ENOUGH 5e-3
+#define MOST_TRIALS 64
+#define PERCENT 100
 
 // Prints what was found, one line for each column.
 static void describe(const pm_logger_view *v) {
@@ -37,13 +55,183 @@ static void describe(const pm_logger_view *v) {
     }
 }
 
+// The guesses of trials about what nobody measures.
+typedef struct hidden_search {
+    const pm_dataset *dataset;
+    const pm_logger_hints *hints;
+    const char *data_path;
+    int most;             // trajectories of a trial; 0: all, which need not be measurements
+    pm_logger_view first; // what is found first
+    int count, best;
+    pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
+    pm_search_trial trial[MOST_TRIALS];
+    double used; // s of CPU time
+} hidden_search;
+
+// Writes the scene and the training file of a trial into one folder.
+static pm_status write_trial(void *context, const int *chosen, const char *comment,
+                             const char *path) {
+    const hidden_search *s = context;
+    const int none[PM_LOGGER_NCHOICE] = {0};
+    pm_logger_hints hints = *s->hints;
+    pm_logger_draft draft = {.seed = hints.seed, .data_path = s->data_path, .most = s->most};
+    char scene[PATH_MAX];
+    hints.guess = s->guess[*chosen];
+    PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
+    draft.scene_path = scene;
+    snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
+             path);
+    pm_status status = pm_logger_write_scene(&draft, scene);
+    status = status == PM_OK ? pm_logger_write_training(&draft, none, comment, path) : status;
+    pm_logger_view_free(&draft.view);
+    return status;
+}
+
+static double error_of(const hidden_search *s, int id) {
+    const double error = s->trial[id].score.rollout;
+    return s->trial[id].failed || isnan(error) ? INFINITY : error;
+}
+
+// Returns true if no prediction could be much better, since the rest is noise.
+static bool explains(const hidden_search *s) {
+    double noise = 0;
+    int count = 0;
+    for (int c = 0; c < s->first.nvariable; ++c) {
+        const pm_logger_column *column = &s->first.column[c];
+        if (column->source != NULL && column->deviation > 0) {
+            noise += log(fmax(column->noise / column->deviation, ENOUGH));
+            ++count;
+        }
+    }
+    return error_of(s, s->best) < NOISE_ALONE * exp(noise / (count > 0 ? count : 1));
+}
+
+// Tries the guesses from number `from` on, and keeps the best one.
+static pm_status try_guesses(hidden_search *s, int from) {
+    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    const pm_fit_effort effort = {.tries = 2,
+                                  .try_iterations = 4,
+                                  .samples = FEWEST_SAMPLES,
+                                  .iterations = STEPS,
+                                  .stages = 1};
+    const int *vector[MOST_TRIALS] = {NULL};
+    int number[MOST_TRIALS] = {0};
+    for (int i = from; i < s->count; ++i) {
+        number[i] = i;
+        vector[i - from] = &number[i];
+    }
+    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, SECONDS, s->hints->stop,
+                         s->trial + from, &s->used));
+    for (int i = from; i < s->count; ++i) {
+        const double error = error_of(s, i);
+        const double other = error_of(s, s->best);
+        if (error < (s->best < from ? BETTER : 1) * other) {
+            s->best = i;
+        }
+    }
+    return PM_OK;
+}
+
+// Adds the best guesses so far with another one for the columns that are like column c, or for it
+// alone.
+static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike) {
+    if (s->count == MOST_TRIALS) {
+        return;
+    }
+    const pm_logger_column *column = &s->first.column[c];
+    pm_logger_guess *own = s->guess[s->count];
+    memcpy(own, s->guess[s->best], sizeof s->guess[0]);
+    for (int j = 0; j < s->first.nvariable; ++j) {
+        const pm_logger_column *other = &s->first.column[j];
+        const bool same =
+            j == c || (alike && pm_unit_equal(&other->dimension, &column->dimension) &&
+                       other->source != NULL && other->nother > 0);
+        if (same) {
+            own[other->id] = guess;
+        }
+    }
+    for (int i = 0; i < s->count; ++i) {
+        if (memcmp(s->guess[i], own, sizeof s->guess[0]) == 0) {
+            return;
+        }
+    }
+    ++s->count;
+}
+
+// Tries what may be hidden behind the columns: first the same behind all columns of a unit, then
+// behind single ones, until nothing is better.
+static pm_status find_hidden(hidden_search *s) {
+    const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
+    const pm_logger_view *v = &s->first;
+    if (!v->noisy && v->even && v->complete && !v->hides) {
+        // Complete states without noise are fitted by single steps.
+        s->count = 1;
+        PM_TRY(try_guesses(s, 0));
+        if (explains(s)) {
+            return PM_OK;
+        }
+    }
+    s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
+    s->most = s->most < n ? s->most : n;
+    s->count = 1;
+    PM_TRY(try_guesses(s, 0));
+    for (int alike = 1; alike >= 0; --alike) {
+        for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
+            const int from = s->count;
+            for (int i = 0; i < s->first.column[c].nother; ++i) {
+                add_guess(s, c, s->first.column[c].other[i], alike == 1);
+            }
+            PM_TRY(try_guesses(s, from));
+        }
+    }
+    return PM_OK;
+}
+
+// Writes what was tried, as lines of a comment.
+static void print_trials(const hidden_search *s, FILE *f) {
+    static const char *const guess[PM_LOGGER_NGUESS] = {"",
+                                                        "complete",
+                                                        "its rate is hidden",
+                                                        "a hidden level falls into it",
+                                                        "moved by a hidden variable without loss",
+                                                        "exchanges heat with a hidden temperature"};
+    fprintf(f, "# What nobody measures was found by short fits; error on the validation part, %% "
+               "of the deviation:\n");
+    for (int i = 0; i < s->count; ++i) {
+        bool any = false;
+        fprintf(f, "# %s ", i == s->best ? "*" : "-");
+        for (int c = 0; c < s->first.nvariable; ++c) {
+            const pm_logger_column *column = &s->first.column[c];
+            if (column->source != NULL && s->guess[i][column->id] != PM_LOGGER_AS_FOUND) {
+                fprintf(f, "%s%s: %s", any ? "; " : "", column->name,
+                        guess[s->guess[i][column->id]]);
+                any = true;
+            }
+        }
+        fputs(any ? "" : "as units and regressions say", f);
+        const pm_search_trial *t = &s->trial[i];
+        if (t->failed) {
+            fprintf(f, " (failed: %s)\n", t->reason);
+        } else {
+            fprintf(f, " (%.3g)\n", PERCENT * t->score.rollout);
+        }
+    }
+}
+
 pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, const char *folder) {
+    pm_logger_hints own = *hints;
     pm_logger_draft draft = {.seed = hints->seed};
     pm_dataset *dataset = NULL;
     char scene[PATH_MAX], training[PATH_MAX];
-    char *data_path = realpath(data, NULL), *scene_path = NULL;
+    char *data_path = realpath(data, NULL), *scene_path = NULL, *text = NULL;
+    size_t size = 0;
+    hidden_search *search = calloc(1, sizeof *search);
+    FILE *comment = open_memstream(&text, &size);
     bool looked = false;
-    pm_status status;
+    pm_status status = search != NULL && comment != NULL
+                           ? PM_OK
+                           : pm_fail(PM_ENOMEM, "out of memory for a proposal");
+    PM_TRY_DONE(status);
     PM_TRY_DONE(data_path == NULL ? pm_fail(PM_EFILE, "%s: cannot be read", data) : PM_OK);
     if (snprintf(scene, sizeof scene, "%s/scene.yaml", folder) >= (int)sizeof scene ||
         snprintf(training, sizeof training, "%s/training.yaml", folder) >= (int)sizeof training) {
@@ -53,6 +241,19 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(pm_dataset_load_measured(&dataset, data, "z"));
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, hints));
     looked = true;
+    search->dataset = dataset;
+    search->hints = hints;
+    search->data_path = data_path;
+    search->first = draft.view;
+    if (hints->budget > 0 && hints->hidden < 0) {
+        PM_TRY_DONE(find_hidden(search));
+        print_trials(search, comment);
+        own.guess = search->guess[search->best];
+        pm_logger_view_free(&draft.view);
+        looked = false;
+        PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
+        looked = true;
+    }
     describe(&draft.view);
     draft.data_path = data_path;
     PM_TRY_DONE(pm_logger_write_scene(&draft, scene));
@@ -60,12 +261,18 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(scene_path == NULL ? pm_fail(PM_EFILE, "%s: cannot be read", scene) : PM_OK);
     draft.scene_path = scene_path;
     const int chosen[PM_LOGGER_NCHOICE] = {0};
-    PM_TRY_DONE(pm_logger_write_training(&draft, chosen, "", training));
+    PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
+    PM_TRY_DONE(pm_logger_write_training(&draft, chosen, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {
         pm_logger_view_free(&draft.view);
     }
+    if (comment != NULL) {
+        fclose(comment);
+    }
+    free(text);
+    free(search);
     pm_dataset_free(dataset);
     free(data_path);
     free(scene_path);

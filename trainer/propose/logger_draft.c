@@ -187,7 +187,11 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                             column->name);
                 }
             } else {
-                fprintf(f, ", hidden: {deviation: %.3g}}   # nobody measures it\n",
+                fputs(", hidden: {", f);
+                if (column->behind >= 0) {
+                    fprintf(f, "guess: %.6g, ", column->mean);
+                }
+                fprintf(f, "deviation: %.3g}}   # nobody measures it\n",
                         fmax(column->deviation, LEAST_START));
             }
         }
@@ -538,9 +542,12 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         }
         fputs(count > 1 ? "\n" : "", w.f);
     }
-    fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"}\nseed: %d\n", draft->scene_path,
-            draft->data_path, draft->seed);
-    if (v->noisy || !v->even || !v->complete || v->hides) {
+    fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"", draft->scene_path, draft->data_path);
+    if (draft->most > 0) {
+        fprintf(w.f, ", trajectories: \"0:%d\"", draft->most);
+    }
+    fprintf(w.f, "}\nseed: %d\n", draft->seed);
+    if (draft->most > 0 || v->noisy || !v->even || !v->complete || v->hides) {
         fputs("noise: estimated\n", w.f);
     }
     fputs("\nmodels:\n", w.f);
@@ -583,7 +590,7 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         fprintf(w.f, "%s%s_%s: %s_%s", pm_logger_separate(&some), a, b, a, b);
     }
     fputs("}\n", w.f);
-    if (!(v->noisy || !v->even || !v->complete || v->hides)) {
+    if (!(draft->most > 0 || v->noisy || !v->even || !v->complete || v->hides)) {
         fprintf(w.f,
                 "\nstart: {tries: 1}\nloss: {residual: step}\nstages:\n"
                 "  - {optimiser: gauss_newton, iterations: %d, batch: %d}\n",

@@ -22,6 +22,7 @@ typedef struct pm_logger_draft {
     pm_logger_view view;
     const char *scene_path, *data_path; // as the files name them
     int seed;
+    int most; // for a trial: the first trajectories, as measurements; 0: all
 } pm_logger_draft;
 
 // Returns the number of alternatives that the columns leave for a choice, 1 if there is nothing to

@@ -289,11 +289,23 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                         both, a->name, b->name, both, a->name, b->name, both, a->name, b->name,
                         both, a->name, b->name);
             } else {
+                // A spring between two points acts on their difference.
                 const double da = fmax(fabs(a->least), fabs(a->largest));
                 const double db = fmax(fabs(b->least), fabs(b->largest));
-                pm_logger_constant(w, "k", both, together * da * db, false);
-                fprintf(w->model, "      - \"k_%s*(%s/%.6g)*(%s/%.6g)\"\n", both, a->name, da,
-                        b->name, db);
+                const bool alike = pm_unit_equal(&a->dimension, &b->dimension);
+                pm_logger_constant(w, "k", both, together * da * db * (alike ? -1 : 1), false);
+                if (alike) {
+                    pm_logger_constant(w, "k3", both, 0, false);
+                    pm_logger_constant(w, "k4", both, 0, false);
+                    fprintf(w->model,
+                            "      - \"k_%s*(%s - %s)^2/%.6g + k3_%s*((%s - %s)/%.6g)^3 + "
+                            "k4_%s*((%s - %s)/%.6g)^4\"\n",
+                            both, a->name, b->name, 2 * da * db, both, a->name, b->name, da + db,
+                            both, a->name, b->name, da + db);
+                } else {
+                    fprintf(w->model, "      - \"k_%s*(%s/%.6g)*(%s/%.6g)\"\n", both, a->name, da,
+                            b->name, db);
+                }
             }
         }
     }
@@ -398,19 +410,34 @@ void pm_logger_write_friction(pm_logger_writer *w, int c) {
     fputs("*b.dE.s\"]", w->model);
 }
 
+static bool shows_no_length(const pm_logger_column *h) {
+    const pm_unit length = pm_unit_parse("m");
+    return h->source != NULL && !h->feeds && !pm_unit_equal(&h->dimension, &length);
+}
+
 // Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
 // smooth where the vessel is empty.
 const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_column *h) {
-    snprintf(text, size, "outflow_%s*exp(power_%s*ln((%c.%s/%.4g)^2 + %.4g))", h->name, h->name,
-             end, h->name, h->largest, EMPTY * EMPTY);
+    // A sensor that shows no length may have another zero.
+    char zero[PM_LOGGER_TEXT] = "";
+    if (shows_no_length(h)) {
+        snprintf(zero, sizeof zero, " - zero_%s", h->name);
+    }
+    snprintf(text, size, "outflow_%s*exp(power_%s*ln(((%c.%s%s)/%.4g)^2 + %.4g))", h->name, h->name,
+             end, h->name, zero, h->largest, EMPTY * EMPTY);
     return text;
 }
 
 void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h) {
+    // At its mean the derivative of the flow by the level is that of the regression.
+    const double part = pow(fmax(h->mean / h->largest, SMALL), ROOT);
     fprintf(w->list, "      outflow_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
-            fmax(h->inertia * fabs(h->decay) * h->mean, LEAST_CONSTANT));
+            fmax(h->inertia * fabs(h->decay) * h->mean / (ROOT * part), LEAST_CONSTANT));
     fprintf(w->list, "      power_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
             ROOT / 2);
+    if (shows_no_length(h)) {
+        fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
+    }
 }
 
 // Writes what leaves one level and falls into another one. The fluid that falls loses its energy

@@ -99,7 +99,7 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
 
 // Chooses the number of samples in a window: so many that the variables change by more than their
 // noise.
-int pm_logger_window(const pm_logger_samples *w) {
+static int choose_window(const pm_logger_samples *w) {
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     int longest = 1;
@@ -130,7 +130,7 @@ int pm_logger_window(const pm_logger_samples *w) {
 // Fills the windows: the duration, the integrals of all columns, whose means are subtracted and
 // which are divided by their deviations, and the changes of all columns.
 void pm_logger_divide(pm_logger_samples *w) {
-    const int length = pm_logger_window(w);
+    const int length = choose_window(w);
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     w->nfeature = 1 + view->ncolumn;

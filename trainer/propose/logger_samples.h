@@ -36,10 +36,6 @@ bool pm_logger_measure(const pm_logger_samples *w, int c);
 // Finds out whether times are even and whether all samples are there, and the noise of variables.
 void pm_logger_find_noise(pm_logger_samples *w);
 
-// Returns the number of samples in a window: so many that the variables change by more than their
-// noise.
-int pm_logger_window(const pm_logger_samples *w);
-
 // Divides the samples into windows.
 void pm_logger_divide(pm_logger_samples *w);
 

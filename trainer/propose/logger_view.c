@@ -2,6 +2,7 @@
 #include "propose/logger_view.h"
 
 #include <ctype.h>
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +15,9 @@
 #define BESIDE 0.1      // of the best target's: other targets have such a share, at least
 #define MOVES 1e-3      // of the changes: a part that explains less does not move another one
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
+#define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
+#define CLEAR 8.0       // times its noise: a column changes clearly
+#define SHARE 8         // part of a trajectory beyond which nothing is sought
 #define ROOM 293.15     // K
 #define COLDEST 200.0   // K, of surroundings
 #define HOTTEST 400.0
@@ -52,11 +56,35 @@ static const char *si_unit(pm_logger_view *view, const char *text, const pm_unit
 
 // --- what columns are ---
 
-// Adds the velocity of a position that has none: estimated by differences, and `hidden` to the fit.
-static void add_hidden(pm_logger_samples *w, int q) {
+// Returns the number of samples to either side of one, over which column c changes by clearly more
+// than its noise.
+static int find_reach(const pm_logger_samples *w, int c) {
+    const pm_dataset *d = w->view->dataset;
+    const double noise = w->view->column[c].noise;
+    int m = 1;
+    for (; m < d->ntime / SHARE; ++m) {
+        double square = 0;
+        int count = 0;
+        for (int i = 0; i < d->ntrajectory; ++i) {
+            for (int k = m; k + m < d->ntime; k += m) {
+                const double step = pm_logger_row(w, i, k + m)[c] - pm_logger_row(w, i, k - m)[c];
+                square += isfinite(step) ? step * step : 0;
+                count += isfinite(step);
+            }
+        }
+        if (square > CLEAR * CLEAR * noise * noise * count) {
+            break;
+        }
+    }
+    return m;
+}
+
+// Adds a hidden variable behind column p, with its rate by differences as a first estimate.
+static int add_hidden(pm_logger_samples *w, int p, const char *suffix, const char *unit,
+                      pm_logger_kind kind) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
-    const int c = view->nvariable, reach = pm_logger_window(w);
+    const int c = view->nvariable, reach = find_reach(w, p);
     // Inputs stand behind the variables.
     memmove(&view->column[c + 1], &view->column[c],
             (size_t)(view->ncolumn - c) * sizeof *view->column);
@@ -66,34 +94,96 @@ static void add_hidden(pm_logger_samples *w, int q) {
     }
     ++view->ncolumn;
     ++view->nvariable;
-    pm_logger_column *p = &view->column[q];
-    const pm_unit unit = pm_unit_parse(p->unit);
     view->column[c] = (pm_logger_column){
-        .name = pm_arena_printf(&view->arena, "%s_rate", p->name),
+        .name = pm_arena_printf(&view->arena, "%s_%s", view->column[p].name, suffix),
         .id = -1,
-        .unit =
-            unit.known && *p->unit != '\0' ? pm_arena_printf(&view->arena, "%s/s", p->unit) : "1/s",
-        .kind = PM_LOGGER_FLOW,
-        .mate = q,
+        .unit = unit,
+        .dimension = pm_unit_parse(unit),
+        .kind = kind,
+        .mate = -1,
+        .behind = p,
         .inertia = 1};
-    view->column[c].dimension = pm_unit_parse(view->column[c].unit);
     view->hides = true;
-    p->mate = c;
-    p->kind = PM_LOGGER_POSITION;
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int k = 0; k < d->ntime; ++k) {
             const bool inside = k >= reach && k + reach < d->ntime;
             pm_logger_row(w, i, k)[c] =
-                inside ? (pm_logger_row(w, i, k + reach)[q] - pm_logger_row(w, i, k - reach)[q]) /
+                inside ? (pm_logger_row(w, i, k + reach)[p] - pm_logger_row(w, i, k - reach)[p]) /
                              (pm_logger_time(w, i, k + reach) - pm_logger_time(w, i, k - reach))
                        : NAN;
         }
     }
     (void)pm_logger_measure(w, c);
+    pm_logger_divide(w);
+    return c;
+}
+
+// Replaces the first estimate x of a hidden column, the rate of y, by (x + b y)/scale.
+static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
+    const int y = w->view->column[hidden].behind;
+    for (int k = 0; k < w->nrow; ++k) {
+        double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+        row[hidden] = (row[hidden] + b * row[y]) / scale;
+    }
+    (void)pm_logger_measure(w, hidden);
+    pm_logger_divide(w);
+}
+
+// Adds the hidden variable of a guess. From y'' + c1 y' + c0 y = ..., a linear regression, follow
+// the rates p of the two, p^2 - c1 p + c0 = 0, or where these are complex their mean.
+static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
+    pm_logger_view *view = w->view;
+    pm_logger_column *column = &view->column[y];
+    bool used[PM_LOGGER_COLUMNS];
+    double coefficient[1 + PM_LOGGER_COLUMNS];
+    if (guess == PM_LOGGER_RATE) {
+        const pm_unit unit = pm_unit_parse(column->unit);
+        column->kind = PM_LOGGER_POSITION;
+        column->mate =
+            add_hidden(w, y, "rate",
+                       unit.known && *column->unit != '\0' && strcmp(column->unit, "1") != 0
+                           ? pm_arena_printf(&view->arena, "%s/s", column->unit)
+                           : "1/s",
+                       PM_LOGGER_FLOW);
+        view->column[column->mate].mate = y;
+        view->column[column->mate].behind = -1;
+        return;
+    }
+    const char *unit = column->unit;
+    if (guess == PM_LOGGER_MOVED) {
+        const pm_unit watt = pm_unit_parse("W");
+        unit = "1";
+        for (int u = view->nvariable; u < view->ncolumn; ++u) {
+            const pm_unit other = pm_unit_quotient(&watt, &view->column[u].dimension);
+            const char *symbol = pm_unit_symbol(&other);
+            if (view->column[u].dimension.known && symbol != NULL &&
+                !pm_unit_equal(&other, &column->dimension)) {
+                unit = symbol;
+            }
+        }
+    }
+    column->kind = guess == PM_LOGGER_FED     ? PM_LOGGER_LEVEL
+                   : guess == PM_LOGGER_MOVED ? PM_LOGGER_FLOW
+                                              : PM_LOGGER_TEMPERATURE;
+    const int x = add_hidden(w, y, "behind", unit, column->kind);
+    for (int j = 0; j < view->ncolumn; ++j) {
+        used[j] = true;
+    }
+    (void)pm_logger_regress(w, x, used, coefficient);
+    const double c1 = -coefficient[1 + x] / fmax(view->column[x].deviation, DBL_MIN);
+    const double c0 = -coefficient[1 + y] / fmax(view->column[y].deviation, DBL_MIN);
+    const double root = sqrt(fmax(c1 * c1 / 4 - c0, 0));
+    const double rate = view->column[x].deviation / fmax(view->column[y].deviation, DBL_MIN);
+    const double slow = fmax(c1 / 2 - root, SLOW * rate), fast = fmax(c1 / 2 + root, rate);
+    if (guess == PM_LOGGER_FED) { // y' = slow (x - y)
+        mix(w, x, slow, slow);
+    } else if (guess == PM_LOGGER_BESIDE) { // y' = fast (x - y)
+        mix(w, x, fast, fast);
+    }
 }
 
 // Finds positions with their velocities, then gives each variable its kind.
-static void find_kinds(pm_logger_samples *w, int hidden) {
+static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     pm_logger_view *view = w->view;
     const pm_unit second = pm_unit_parse("s");
     bool fluid = false;
@@ -134,20 +224,48 @@ static void find_kinds(pm_logger_samples *w, int hidden) {
     const int measured = view->nvariable;
     for (int c = 0; c < measured; ++c) {
         pm_logger_column *column = &view->column[c];
+        pm_logger_guess guess =
+            hints->guess == NULL ? PM_LOGGER_AS_FOUND : hints->guess[column->id];
         bool used[PM_LOGGER_COLUMNS];
         for (int j = 0; j < view->ncolumn; ++j) {
             used[j] = true;
         }
         if (column->mate >= 0) {
-        } else if (has_unit(column, "K")) {
-            column->kind = PM_LOGGER_TEMPERATURE;
-        } else if (has_unit(column, "m") &&
-                   (fluid || pm_logger_regress(w, c, used, NULL) < FIRST_ORDER)) {
-            column->kind = PM_LOGGER_LEVEL;
-        } else if ((has_unit(column, "m") || column->angle) && hidden != 0 &&
-                   view->ncolumn < PM_LOGGER_COLUMNS) {
-            add_hidden(w, c);
-            pm_logger_divide(w);
+            continue;
+        }
+        const bool length = has_unit(column, "m");
+        if (guess == PM_LOGGER_AS_FOUND) {
+            const bool level =
+                length && (fluid || pm_logger_regress(w, c, used, NULL) < FIRST_ORDER);
+            guess = hints->hidden != 0 && (length || column->angle) && !level ? PM_LOGGER_RATE
+                                                                              : PM_LOGGER_COMPLETE;
+        }
+        column->guess = guess;
+        column->kind = has_unit(column, "K") ? PM_LOGGER_TEMPERATURE
+                       : length              ? PM_LOGGER_LEVEL
+                                             : PM_LOGGER_FLOW;
+        if (guess != PM_LOGGER_COMPLETE && view->ncolumn < PM_LOGGER_COLUMNS) {
+            add_guess(w, c, guess);
+        }
+    }
+    for (int c = 0; c < measured; ++c) {
+        pm_logger_column *column = &view->column[c];
+        const bool thermal = has_unit(column, "K");
+        const bool rate =
+            has_unit(column, "m/s") || has_unit(column, "A") || has_unit(column, "rad/s");
+        const bool room = view->ncolumn < PM_LOGGER_COLUMNS;
+        const bool may[PM_LOGGER_NGUESS] = {
+            [PM_LOGGER_COMPLETE] = true,
+            [PM_LOGGER_RATE] = room && !thermal && !rate,
+            [PM_LOGGER_FED] = room && !thermal && !rate && !column->angle,
+            [PM_LOGGER_MOVED] = room && !thermal && !has_unit(column, "m") && !column->angle,
+            [PM_LOGGER_BESIDE] = room && thermal};
+        const bool alone = column->mate < 0 || view->column[column->mate].source == NULL;
+        for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_NGUESS && column->source != NULL && alone;
+             ++g) {
+            if (may[g] && g != (int)column->guess) {
+                column->other[column->nother++] = (pm_logger_guess)g;
+            }
         }
     }
 }
@@ -224,13 +342,30 @@ static void find_actions(pm_logger_view *view) {
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite. Finds the
 // temperature of the surroundings, too.
-static void find_scales(pm_logger_view *view) {
+static void find_scales(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
     bool known[PM_LOGGER_COLUMNS] = {false};
+    // Nothing shows the size of what is hidden behind a column, but for a temperature: its inertia
+    // is the unit, and an input of known power fixes how large it is.
+    for (int c = 0; c < view->nvariable; ++c) {
+        const bool hidden = view->column[c].behind >= 0;
+        known[c] = view->column[c].free_scale =
+            hidden && view->column[c].kind != PM_LOGGER_TEMPERATURE;
+        for (int a = 0; a < view->naction && known[c]; ++a) {
+            const double response = fabs(view->coupling[c][view->action[a].input]);
+            if (view->action[a].target == c && view->action[a].effect == PM_LOGGER_DRIVES &&
+                response > 0) {
+                mix(w, c, 0, response);
+                pm_logger_regress_all(w);
+            }
+        }
+    }
     for (int a = 0; a < view->naction; ++a) {
         const pm_logger_action *action = &view->action[a];
         pm_logger_column *c = &view->column[action->target];
         const double response = fabs(view->coupling[action->target][action->input]);
-        if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH && response > 0) {
+        if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH && response > 0 &&
+            !c->free_scale) {
             // Heat enters an entropy, whose derivative is the capacity over the temperature.
             c->inertia = 1 / response;
             known[action->target] = true;
@@ -387,10 +522,12 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
     for (int i = 0; i < view->nvariable; ++i) {
         const pm_logger_column *c = view->column;
         for (int j = 0; j < view->nvariable; ++j) {
-            view->falls[i][j] = i != j && c[i].kind == PM_LOGGER_LEVEL &&
-                                c[j].kind == PM_LOGGER_LEVEL && view->coupling[j][i] > 0 &&
-                                view->share[j][i] > MOVES &&
-                                view->coupling[j][i] > fabs(view->coupling[i][j]);
+            // Fluid falls from what is behind.
+            view->falls[i][j] =
+                i != j && c[j].behind != i && c[i].kind == PM_LOGGER_LEVEL &&
+                c[j].kind == PM_LOGGER_LEVEL && view->coupling[j][i] > 0 &&
+                view->share[j][i] > MOVES &&
+                (c[i].behind == j || view->coupling[j][i] > fabs(view->coupling[i][j]));
         }
     }
     // What a port between parts may do: conduct heat, let fluid fall, and couple co-energies of
@@ -470,6 +607,7 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
                                          .id = c,
                                          .kind = pass == 1 ? PM_LOGGER_INPUT : PM_LOGGER_FLOW,
                                          .mate = -1,
+                                         .behind = -1,
                                          .inertia = 1};
             PM_TRY(pm_arena_status(&view->arena, "columns"));
             const pm_unit own = pm_unit_parse(unit == NULL ? "" : unit[c]);
@@ -509,17 +647,18 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     PM_TRY_DONE(take_columns(&w, hints));
     PM_TRY_DONE(read_parts(view, hints));
     pm_logger_find_noise(&w);
-    find_kinds(&w, hints->hidden);
+    find_kinds(&w, hints);
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];
         if (column->source == NULL) {
-            view->column[c].part = view->column[column->mate].part;
+            view->column[c].part =
+                view->column[column->mate >= 0 ? column->mate : column->behind].part;
         }
     }
     pm_logger_regress_all(&w);
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
-    find_scales(view);
+    find_scales(&w);
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
     if (status != PM_OK) {

@@ -4,6 +4,7 @@
 #ifndef PM_TRAINER_PROPOSE_LOGGER_VIEW_H
 #define PM_TRAINER_PROPOSE_LOGGER_VIEW_H
 
+#include <signal.h>
 #include <stdbool.h>
 
 #include "base/arena.h"
@@ -23,6 +24,17 @@ typedef enum pm_logger_kind {
     PM_LOGGER_INPUT
 } pm_logger_kind;
 
+// What a measured variable may be, beside what its unit and regressions say.
+typedef enum pm_logger_guess {
+    PM_LOGGER_AS_FOUND, // what units and regressions say first
+    PM_LOGGER_COMPLETE, // nothing is hidden behind it
+    PM_LOGGER_RATE,     // a position, whose rate is hidden
+    PM_LOGGER_FED,      // a level, into which fluid falls from a hidden one
+    PM_LOGGER_MOVED,    // a co-energy, moved without loss by a hidden one of another kind
+    PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
+    PM_LOGGER_NGUESS
+} pm_logger_guess;
+
 typedef struct pm_logger_column {
     const char *name;   // of a group of the scene
     const char *source; // column of the dataset; NULL: nobody measures it
@@ -31,9 +43,13 @@ typedef struct pm_logger_column {
     pm_unit dimension;
     bool angle;
     pm_logger_kind kind;
-    int mate;  // of a position its velocity, of a velocity its position; -1
-    int part;  // of variables; -1: an input
-    bool held; // inputs: a staircase, or no smooth function
+    int mate;   // of a position its velocity, of a velocity its position; -1
+    int behind; // of a hidden variable that is no rate: the measured one that it moves; -1
+    int part;   // of variables; -1: an input
+    pm_logger_guess guess; // of measured variables
+    int nother;            // what else a variable may be, in the order in which it is believed
+    pm_logger_guess other[PM_LOGGER_NGUESS];
+    bool held;                              // inputs: a staircase, or no smooth function
     double least, largest, mean, deviation; // in its unit
     double noise;                           // standard deviation of white noise; 0: none is seen
     // Of co-energies: the derivative of their energy variable with which a fit begins, and whether
@@ -90,10 +106,13 @@ typedef struct pm_logger_view {
 typedef struct pm_logger_hints {
     const char *inputs; // "F,u"; NULL: columns that are staircases are inputs
     int npart, nport;
-    const char *const *part; // [npart] "arm=q1,w1", ...; none: one part
-    const char *const *port; // [nport] "arm,hand", ...; none: data tell
-    int hidden;              // 0: all velocities are measured; -1: data tell
-    int seed;                // of the training file
+    const char *const *part;      // [npart] "arm=q1,w1", ...; none: one part
+    const char *const *port;      // [nport] "arm,hand", ...; none: data tell
+    int hidden;                   // variables that nobody measures; -1: data tell
+    int seed;                     // of the training file
+    double budget;                // s of CPU time for trials of what is hidden; 0: none is tried
+    const pm_logger_guess *guess; // [columns of the dataset]; NULL: all as found
+    const volatile sig_atomic_t *stop;
 } pm_logger_hints;
 
 // Describes the columns of measurements. `dataset` and the texts of `hints` must outlive the view.

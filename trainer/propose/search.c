@@ -56,16 +56,9 @@
 #define MICROSECONDS 1e-6 // s
 #define PERCENT 100
 
-// The result of a trial.
-struct trial {
-    pm_fit_score score; // infinite where the fit has failed
-    bool failed;
-    char reason[128]; // why it has failed
-};
-
 typedef struct tried_vector {
-    const int *vector;        // [count]
-    struct trial trial, last; // of the short fit, and of the longer one
+    const int *vector;           // [count]
+    pm_search_trial trial, last; // of the short fit, and of the longer one
     bool finalist;
 } tried_vector;
 
@@ -99,7 +92,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
     const rlim_t limit = (rlim_t)ceil(seconds);
     const struct rlimit most = {limit, limit}, no_core = {0, 0};
     char config[PATH_MAX + NAME_OF_FILE];
-    struct trial result = {.failed = true, .score = {INFINITY, INFINITY, INFINITY}};
+    pm_search_trial result = {.failed = true, .score = {INFINITY, INFINITY, INFINITY}};
     const int quiet = open("/dev/null", O_WRONLY);
     (void)prctl(PR_SET_PDEATHSIG, SIGKILL);
     (void)setrlimit(RLIMIT_CPU, &most);
@@ -126,15 +119,15 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
 
 // Waits for the end of a trial, and ends it if `stop` is set. A trial that died without a result
 // has failed.
-static void finish(runner *r, const volatile sig_atomic_t *stop, struct trial *trial,
+static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial *trial,
                    double *used) {
     struct rusage usage = {0};
     int end = 0;
-    *trial = (struct trial){.failed = true,
-                            .score = {INFINITY, INFINITY, INFINITY},
-                            .reason = "the fit took too long or ended by a fault"};
+    *trial = (pm_search_trial){.failed = true,
+                               .score = {INFINITY, INFINITY, INFINITY},
+                               .reason = "the fit took too long or ended by a fault"};
     size_t got = 0;
-    struct trial result;
+    pm_search_trial result;
     for (ssize_t n = 1; n != 0 && got < sizeof result;) {
         if (stop != NULL && *stop) {
             kill(r->child, SIGTERM);
@@ -155,14 +148,9 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, struct trial *t
     r->child = 0;
 }
 
-// Fits the training files of `count` vectors, vector[i] [space->count], and writes their results to
-// trial [count], AT_ONCE at a time where there are as many processors. `seconds` is the limit of
-// CPU time of each, a safeguard that no fit should reach, since it depends on the machine. The
-// results do not depend on the order in which the fits end. Adds their CPU time to *used. PM_EFILE,
-// PM_EINTERRUPTED.
-static pm_status run_trials(const pm_hypotheses *space, int count, const int *const *vector,
-                            const pm_fit_effort *effort, double seconds,
-                            const volatile sig_atomic_t *stop, struct trial *trial, double *used) {
+pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const *vector,
+                        const pm_fit_effort *effort, double seconds,
+                        const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used) {
     runner running[AT_ONCE] = {{.child = 0}};
     const char *root = getenv("TMPDIR");
     const int most = sysconf(_SC_NPROCESSORS_ONLN) < AT_ONCE ? 1 : AT_ONCE;
@@ -207,7 +195,7 @@ static pm_status run_trials(const pm_hypotheses *space, int count, const int *co
 // --- candidates ---
 
 // The error by which short fits are compared: of one step, or where it is not measured of rollouts.
-static double error_of(const struct trial *t) {
+static double error_of(const pm_search_trial *t) {
     const double error = isnan(t->score.step) ? t->score.rollout : t->score.step;
     return t->failed || isnan(error) ? INFINITY : error;
 }
@@ -260,15 +248,15 @@ static pm_fit_effort effort_for(const hypothesis_search *s, double seconds, int 
 static pm_status run(hypothesis_search *s, int count, const int *which,
                      const pm_fit_effort *effort) {
     const double seconds = seconds_of(s, effort);
-    const int *vector[MOST_VECTORS];
-    struct trial *trial = pm_arena_array(&s->arena, (size_t)count + 1, sizeof *trial);
+    const int *vector[MOST_VECTORS] = {NULL};
+    pm_search_trial *trial = pm_arena_array(&s->arena, (size_t)count + 1, sizeof *trial);
     PM_TRY(pm_arena_status(&s->arena, "trials"));
     for (int i = 0; i < count; ++i) {
         vector[i] = s->candidate[which[i]].vector;
     }
     s->left -= count * seconds;
-    PM_TRY(run_trials(s->space, count, vector, effort, fmax(SAFETY * seconds, FEWEST_SECONDS),
-                      s->how->stop, trial, &s->used));
+    PM_TRY(pm_search_try(s->space, count, vector, effort, fmax(SAFETY * seconds, FEWEST_SECONDS),
+                         s->how->stop, trial, &s->used));
     for (int i = 0; i < count; ++i) {
         tried_vector *c = &s->candidate[which[i]];
         *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
@@ -323,7 +311,7 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     // Among equals the one that is believed more, which was tried first, wins.
     s->best = which[0];
     for (int k = 1; k < count; ++k) {
-        const struct trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
+        const pm_search_trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
         if (!t->failed &&
             (b->failed ||
              t->score.rollout < (which[k] < s->best ? 1 / CLOSE : CLOSE) * b->score.rollout)) {
@@ -385,7 +373,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
 
 // --- the comment ---
 
-static void print_trial(FILE *f, const struct trial *t) {
+static void print_trial(FILE *f, const pm_search_trial *t) {
     if (t->failed) {
         fprintf(f, "failed: %s", t->reason);
         return;
@@ -447,7 +435,7 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
         PM_TRY_DONE(descend(s, alternatives));
         PM_TRY_DONE(decide(s, FOR_FINALISTS * how->budget));
         print_trials(s, comment);
-        const struct trial *kept = &s->candidate[s->best].trial;
+        const pm_search_trial *kept = &s->candidate[s->best].trial;
         if (how->loud && kept->failed) {
             printf("none of %d hypotheses leads to a model (%s): the file is a beginning to edit\n",
                    s->ncandidate, kept->reason);

@@ -17,6 +17,7 @@
 #include <stdio.h>
 
 #include "base/status.h"
+#include "fit/fit.h"
 
 #define PM_SEARCH_CHOICES 64
 #define PM_SEARCH_ALTERNATIVES 8
@@ -60,6 +61,22 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
     }
     return space->count++;
 }
+
+// The result of a trial.
+typedef struct pm_search_trial {
+    pm_fit_score score; // infinite where the fit has failed
+    bool failed;
+    char reason[128]; // why it has failed
+} pm_search_trial;
+
+// Fits the training files of `count` vectors, vector[i] [space->count], and writes their results to
+// trial [count], two at a time where there are as many processors. `seconds` is the limit of CPU
+// time of each, a safeguard that no fit should reach, since it depends on the machine. The results
+// do not depend on the order in which the fits end. Adds their CPU time to *used. PM_EFILE,
+// PM_EINTERRUPTED.
+pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const *vector,
+                        const pm_fit_effort *effort, double seconds,
+                        const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used);
 
 // Searches and writes the training file of the winner to `path`, with a comment: what was tried,
 // how far each came. A trial that fails is a bad hypothesis, not a failure. Fails as space->write
