@@ -5,6 +5,7 @@
 #include <cblas.h>
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "base/arena.h"
@@ -242,4 +243,16 @@ bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector
     }
     pm_arena_free(&arena);
     return good;
+}
+
+static int compare(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    if (isnan(a) || isnan(b)) {
+        return isnan(a) - isnan(b);
+    }
+    return (a > b) - (a < b);
+}
+
+void pm_sort(size_t n, double *value) {
+    qsort(value, n, sizeof *value, compare);
 }

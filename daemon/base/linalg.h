@@ -5,6 +5,7 @@
 #define PM_BASE_LINALG_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "base/lanes.h"
 
@@ -47,5 +48,8 @@ bool pm_cholesky_solve(int n, double *h, double *b);
 // upper triangle of h and overwrites h. Allocates work space; returns false if memory is exhausted
 // or LAPACK's dsyevr does not converge.
 bool pm_eigen_largest(int n, double *h, int count, double *value, double *vector);
+
+// Sorts value [n], the smallest first, and NaN last.
+void pm_sort(size_t n, double *value);
 
 #endif

@@ -3,7 +3,8 @@
 
 #include <assert.h>
 #include <math.h>
-#include <stdlib.h>
+
+#include "base/linalg.h"
 
 // The fraction of its group's root mean square below which a snapshot counts as zero.
 #define NOTHING 1e-9
@@ -50,15 +51,6 @@ void pm_score(const pm_columns *columns, int ntime, int ncolumn, const double *p
     }
 }
 
-// Orders ascending; NaN, the score of a failed rollout, counts as the largest.
-static int compare(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    if (isnan(a) || isnan(b)) {
-        return isnan(a) - isnan(b);
-    }
-    return (a > b) - (a < b);
-}
-
 // Returns the value below which the fraction p of n sorted values lies.
 static double quantile(int n, const double *value, double p) {
     const double position = p * (n - 1);
@@ -69,7 +61,7 @@ static double quantile(int n, const double *value, double p) {
 
 pm_box pm_box_of(int n, double *value) {
     assert(n > 0);
-    qsort(value, (size_t)n, sizeof *value, compare);
+    pm_sort((size_t)n, value);
     pm_box box = {.first_quartile = quantile(n, value, 0.25),
                   .median = quantile(n, value, 0.5),
                   .third_quartile = quantile(n, value, 0.75)};

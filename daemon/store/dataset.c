@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/digest.h"
+#include "base/linalg.h"
 #include "store/hdf5_io.h"
 #include "store/names.h"
 
@@ -328,11 +329,6 @@ static pm_status split_columns(pm_dataset *d, const char *text, const char *path
     return PM_OK;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 // Reads /t [time] or [trajectory][time], and dt if the file has it. Evenly spaced times of all
 // trajectories go to d->t.
 static pm_status read_measured_times(pm_dataset *d, const pm_hdf5 *file, const char *path) {
@@ -353,7 +349,7 @@ static pm_status read_measured_times(pm_dataset *d, const pm_hdf5 *file, const c
         for (int j = 0; j + 1 < d->ntime && !isnan(pm_dataset_time(d, 0, j + 1)); ++j) {
             distance[count++] = pm_dataset_time(d, 0, j + 1) - pm_dataset_time(d, 0, j);
         }
-        qsort(distance, (size_t)count, sizeof *distance, compare);
+        pm_sort((size_t)count, distance);
         d->dt = count == 0 ? 1 : distance[count / 2];
     }
     memcpy(d->t, d->times, ntime * sizeof *d->t);

@@ -126,21 +126,21 @@ static void weighted_samples_count_by_their_importance(void **state) {
     assert_non_null(work);
     double *one = work, *mean = one + n, *gradient = mean + n, *diagonal = gradient + n,
            *matrix = diagonal + n;
-    pm_gauss_newton_matrix *m = NULL;
-    pm_gauss_newton_product *p = NULL;
-    assert_int_equal(pm_gauss_newton_matrix_open(&m, b.objective), PM_OK);
-    assert_int_equal(pm_gauss_newton_product_open(&p, b.objective), PM_OK);
+    pm_gauss_newton *m = NULL;
+    pm_gauss_newton *p = NULL;
+    assert_int_equal(pm_gauss_newton_open(&m, b.objective, true), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&p, b.objective, false), PM_OK);
     for (int i = 0; i < COUNT; ++i) {
         importance[i] = 0.5 + i % 5;
-        pm_gauss_newton_matrix_evaluate(m, 1, &i, one, matrix);
+        pm_gauss_newton_evaluate(m, 1, &i, one, matrix);
         for (size_t k = 0; k < n; ++k) {
             mean[k] += importance[i] * one[k] / COUNT;
         }
         assert_true(pm_objective_sample_share(b.objective, i) > 0);
     }
     pm_objective_set_importance(b.objective, importance);
-    pm_gauss_newton_matrix_evaluate(m, COUNT, b.index, gradient, matrix);
-    pm_gauss_newton_product_linearise(p, COUNT, b.index, 1, one, diagonal);
+    pm_gauss_newton_evaluate(m, COUNT, b.index, gradient, matrix);
+    pm_gauss_newton_linearise(p, COUNT, b.index, 1, one, diagonal);
     double size = 0;
     for (size_t k = 0; k < n; ++k) {
         size = fmax(size, fabs(mean[k]));
@@ -149,8 +149,8 @@ static void weighted_samples_count_by_their_importance(void **state) {
         random_system_check(&b.w, "gradient by the matrix", gradient[k], mean[k], SAME * size);
         random_system_check(&b.w, "gradient by products", one[k], mean[k], SAME * size);
     }
-    pm_gauss_newton_matrix_close(m);
-    pm_gauss_newton_product_close(p);
+    pm_gauss_newton_close(m);
+    pm_gauss_newton_close(p);
     pm_objective_close(b.objective);
     random_system_close(&b.w);
     free(work);

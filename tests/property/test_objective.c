@@ -255,10 +255,10 @@ static void check_normal(uint64_t seed, bool soft, double robust) {
     bench b;
     bench_open(&b, seed, soft, robust);
     double *gradient = vector(b.size), *H = vector(b.size * b.size);
-    pm_gauss_newton_matrix *normal = NULL;
-    assert_int_equal(pm_gauss_newton_matrix_open(&normal, b.objective), PM_OK);
+    pm_gauss_newton *normal = NULL;
+    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, H);
+    pm_gauss_newton_evaluate(normal, COUNT, b.index, gradient, H);
     const double size = sqrt(dot(b.size, b.gradient, b.gradient));
     for (int k = 0; k < b.size; ++k) {
         random_system_check(&b.w, "gradient of half the loss", gradient[k], b.gradient[k] / 2,
@@ -266,7 +266,7 @@ static void check_normal(uint64_t seed, bool soft, double robust) {
     }
     // The robust weights of samples are those of this evaluation, also after the weights change.
     check_hessian(&b, H);
-    pm_gauss_newton_matrix_close(normal);
+    pm_gauss_newton_close(normal);
     free(gradient);
     free(H);
     bench_close(&b);
@@ -282,12 +282,11 @@ static void normal_equations_are_those_of_the_residuals(void **state) {
 #define ESTIMATES 60
 // Checks that estimates of the diagonal of H have the right mean. Where few samples make an entry,
 // an estimate has a relative error of up to sqrt(2), and the mean of 60 has 0.18.
-static void check_diagonal(bench *b, pm_gauss_newton_product *product, const double *H) {
+static void check_diagonal(bench *b, pm_gauss_newton *product, const double *H) {
     double *gradient = vector(3 * b->size), *estimate = gradient + b->size,
            *mean = estimate + b->size;
     for (int k = 0; k < ESTIMATES; ++k) {
-        pm_gauss_newton_product_linearise(product, COUNT, b->index, (uint64_t)k, gradient,
-                                          estimate);
+        pm_gauss_newton_linearise(product, COUNT, b->index, (uint64_t)k, gradient, estimate);
         for (int i = 0; i < b->size; ++i) {
             mean[i] += estimate[i] / ESTIMATES;
         }
@@ -304,13 +303,13 @@ static void check_products(uint64_t seed, bool soft, double robust) {
     bench_open(&b, seed, soft, robust);
     double *gradient = vector(5 * b.size), *same = gradient + b.size, *diagonal = same + b.size,
            *v = diagonal + b.size, *Hv = v + b.size, *H = vector(b.size * b.size);
-    pm_gauss_newton_matrix *matrix = NULL;
-    pm_gauss_newton_product *product = NULL;
-    assert_int_equal(pm_gauss_newton_matrix_open(&matrix, b.objective), PM_OK);
-    assert_int_equal(pm_gauss_newton_product_open(&product, b.objective), PM_OK);
+    pm_gauss_newton *matrix = NULL;
+    pm_gauss_newton *product = NULL;
+    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&product, b.objective, false), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_gauss_newton_matrix_evaluate(matrix, COUNT, b.index, gradient, H);
-    pm_gauss_newton_product_linearise(product, COUNT, b.index, 1, same, diagonal);
+    pm_gauss_newton_evaluate(matrix, COUNT, b.index, gradient, H);
+    pm_gauss_newton_linearise(product, COUNT, b.index, 1, same, diagonal);
     const double size = sqrt(dot(b.size, gradient, gradient));
     for (int k = 0; k < b.size; ++k) {
         random_system_check(&b.w, "gradient", same[k], gradient[k], SAME_TOLERANCE * size);
@@ -318,7 +317,7 @@ static void check_products(uint64_t seed, bool soft, double robust) {
     for (int i = 0; i < DIRECTIONS; ++i) {
         draw_direction(&b, i, v);
         matrix_times(b.size, H, v, Hv);
-        pm_gauss_newton_product_apply(product, COUNT, b.index, v, same);
+        pm_gauss_newton_apply(product, COUNT, b.index, v, same);
         const double length = sqrt(dot(b.size, Hv, Hv));
         for (int k = 0; k < b.size; ++k) {
             random_system_check(&b.w, "H v", same[k], Hv[k], SAME_TOLERANCE * (length + size));
@@ -327,8 +326,8 @@ static void check_products(uint64_t seed, bool soft, double robust) {
     if (seed == 1) {
         check_diagonal(&b, product, H); // slow
     }
-    pm_gauss_newton_matrix_close(matrix);
-    pm_gauss_newton_product_close(product);
+    pm_gauss_newton_close(matrix);
+    pm_gauss_newton_close(product);
     free(gradient);
     free(H);
     bench_close(&b);
@@ -366,10 +365,10 @@ static void conjugate_gradients_find_the_step(void **state) {
     bench b;
     bench_open(&b, 3, true, 0);
     double *gradient = vector(b.size), *H = vector(b.size * b.size);
-    pm_gauss_newton_matrix *matrix = NULL;
-    assert_int_equal(pm_gauss_newton_matrix_open(&matrix, b.objective), PM_OK);
+    pm_gauss_newton *matrix = NULL;
+    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_gauss_newton_matrix_evaluate(matrix, COUNT, b.index, gradient, H);
+    pm_gauss_newton_evaluate(matrix, COUNT, b.index, gradient, H);
     for (double damping = 1e-4; damping < 20; damping *= 100) {
         const double exact = decrease(&b, true, H, damping);
         const double found = decrease(&b, false, H, damping);
@@ -378,7 +377,7 @@ static void conjugate_gradients_find_the_step(void **state) {
                                damping, found, exact);
         }
     }
-    pm_gauss_newton_matrix_close(matrix);
+    pm_gauss_newton_close(matrix);
     free(gradient);
     free(H);
     bench_close(&b);
@@ -393,18 +392,18 @@ static void threads_do_not_change_a_bit(void **state) {
     const size_t n = (size_t)b.size;
     double *gradient = vector(b.size), *H = vector(b.size * b.size),
            *again = vector(b.size * b.size);
-    pm_gauss_newton_matrix *normal = NULL;
-    assert_int_equal(pm_gauss_newton_matrix_open(&normal, b.objective), PM_OK);
+    pm_gauss_newton *normal = NULL;
+    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true), PM_OK);
     const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
-    pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, H);
+    pm_gauss_newton_evaluate(normal, COUNT, b.index, gradient, H);
     for (int i = 0; i < 10; ++i) {
         const double repeated = pm_objective_evaluate(b.objective, COUNT, b.index, again);
         assert_memory_equal(&repeated, &loss, sizeof loss);
         assert_memory_equal(again, b.gradient, n * sizeof *again);
-        pm_gauss_newton_matrix_evaluate(normal, COUNT, b.index, gradient, again);
+        pm_gauss_newton_evaluate(normal, COUNT, b.index, gradient, again);
         assert_memory_equal(again, H, n * n * sizeof *again);
     }
-    pm_gauss_newton_matrix_close(normal);
+    pm_gauss_newton_close(normal);
     free(gradient);
     free(H);
     free(again);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/linalg.h"
 #include "base/options.h"
 #include "command/tables.h"
 #include "data/hold.h"
@@ -26,11 +27,6 @@ typedef struct column_facts {
     double noise;      // NAN: too few samples in a row
     double resolution; // the smallest difference of two samples in a row that is not zero; 0: none
 } column_facts;
-
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
 
 // The number of samples of a trajectory before its times end.
 static int sample_count(const pm_dataset *d, int trajectory) {
@@ -53,7 +49,7 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
             work[steps++] = pm_dataset_time(d, i, k + 1) - pm_dataset_time(d, i, k);
         }
     }
-    qsort(work, steps, sizeof *work, compare);
+    pm_sort(steps, work);
     const double median = steps > 0 ? work[steps / 2] : 0;
     long gaps = 0;
     for (size_t i = 0; i < steps; ++i) {
@@ -98,7 +94,7 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
                 }
             }
         }
-        qsort(work, differences, sizeof *work, compare);
+        pm_sort(differences, work);
         f.noise = differences > 0 ? work[differences / 2] * NORMAL_MEDIAN / FOURTH_DIFFERENCE : NAN;
         f.mean /= f.count > 0 ? (double)f.count : 1;
         f.deviation = f.count > 0 ? sqrt(fmax(square / (double)f.count - f.mean * f.mean, 0)) : NAN;

@@ -20,27 +20,24 @@ const pm_python_program pm_python_pictures = {
     "pictures", "pictures: python3 or gnuplot is not installed (Debian: python3 python3-h5py "
                 "gnuplot-nox)"};
 
-// Writes the path of a program to `path` [size].
-static pm_status find(const pm_python_program *program, char *path, size_t size) {
-    char own[PATH_MAX];
+pm_status pm_python_run(const pm_python_program *program, const char *const *argument, bool quiet) {
+    char path[2 * PATH_MAX + 64] = "/proc is needed", own[PATH_MAX];
+    int count = 0, code = 0;
+    bool found = false;
     const ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
     own[length > 0 ? length : 0] = '\0';
-    char *slash = strrchr(own, '/');
-    for (size_t i = 0; i < sizeof places / sizeof *places && slash != NULL; ++i) {
-        snprintf(path, size, "%.*s/%s/%s", (int)(slash - own), own, places[i], program->folder);
-        if (access(path, R_OK) == 0) {
-            return PM_OK;
-        }
+    const char *slash = strrchr(own, '/');
+    for (size_t i = 0; i < sizeof places / sizeof *places && slash != NULL && !found; ++i) {
+        snprintf(path, sizeof path, "%.*s/%s/%s", (int)(slash - own), own, places[i],
+                 program->folder);
+        found = access(path, R_OK) == 0;
     }
-    return pm_fail(PM_EFILE,
-                   "%s: the Python package of portmet is not where it was built or installed: %s",
-                   program->folder, slash == NULL ? "/proc is needed" : path);
-}
-
-pm_status pm_python_run(const pm_python_program *program, const char *const *argument, bool quiet) {
-    char path[PATH_MAX + 64];
-    int count = 0, code = 0;
-    PM_TRY(find(program, path, sizeof path));
+    if (!found) {
+        return pm_fail(PM_EFILE,
+                       "%s: the Python package of portmet is not where it was built or installed: "
+                       "%s",
+                       program->folder, path);
+    }
     while (argument[count] != NULL) {
         ++count;
     }

@@ -178,7 +178,7 @@ static void report_unexamined(int n, FILE *out) {
             MOST_DECOMPOSED);
 }
 
-static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal, pm_arena *arena,
+static pm_status report(pm_objective *objective, pm_gauss_newton *normal, pm_arena *arena,
                         FILE *out) {
     const int n = pm_objective_size(objective), all = pm_objective_samples(objective);
     const pm_system *system = pm_objective_context(objective).system;
@@ -213,7 +213,7 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
     for (; count < SAMPLES && count < all; ++count) {
         index[count] = (int)((long)count * all / (all < SAMPLES ? all : SAMPLES));
     }
-    pm_gauss_newton_matrix_evaluate(normal, count, index, gradient, hessian);
+    pm_gauss_newton_evaluate(normal, count, index, gradient, hessian);
     // The matrix is scaled to a unit diagonal. Rows of weights without any effect become 0.
     for (int i = 0; i < n; ++i) {
         gradient[i] = sqrt(fmax(hessian[(ptrdiff_t)i * n + i], 0));
@@ -253,7 +253,7 @@ static pm_status report(pm_objective *objective, pm_gauss_newton_matrix *normal,
 
 pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
     const int n = pm_objective_size(objective);
-    pm_gauss_newton_matrix *normal = NULL;
+    pm_gauss_newton *normal = NULL;
     pm_arena arena = {0};
     if (n > MOST_WEIGHTS) {
         report_unexamined(n, out);
@@ -261,9 +261,9 @@ pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
     if (n == 0 || n > MOST_WEIGHTS || pm_objective_residual_count(objective) > MOST_RESIDUALS) {
         return PM_OK;
     }
-    PM_TRY(pm_gauss_newton_matrix_open(&normal, objective));
+    PM_TRY(pm_gauss_newton_open(&normal, objective, true));
     const pm_status status = report(objective, normal, &arena, out);
-    pm_gauss_newton_matrix_close(normal);
+    pm_gauss_newton_close(normal);
     pm_arena_free(&arena);
     return status;
 }

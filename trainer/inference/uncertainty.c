@@ -63,11 +63,6 @@ static double samples_per_residual(const pm_shooting *s) {
 
 // --- independent noise ---
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 // --- disagreement of trajectories ---
 
 // Compares the gradients g of single trajectories with their covariance: the mean of g' H^-1 g over
@@ -178,7 +173,7 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
                 }
             }
         }
-        qsort(size, count, sizeof *size, compare);
+        pm_sort((size_t)count, size);
         const double all = s->terms.noise[c];
         u->independent[c] = count == 0 ? all : fmin(NORMAL_MEDIAN / sqrt(2) * size[count / 2], all);
     }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/linalg.h"
 #include "data/trained.h"
 #include "graph/program.h"
 
@@ -277,11 +278,6 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
     return *loss[0] * mean;
 }
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 // The median of the residuals of these samples (all if index is NULL), as last evaluated.
 static pm_status median_square(const pm_objective *o, int count, const int *index, double *median) {
     const int n = index == NULL ? o->samples->count : count;
@@ -292,7 +288,7 @@ static pm_status median_square(const pm_objective *o, int count, const int *inde
     for (int i = 0; i < n; ++i) {
         sorted[i] = o->square[index == NULL ? i : index[i]];
     }
-    qsort(sorted, (size_t)n, sizeof *sorted, compare);
+    pm_sort((size_t)n, sorted);
     *median = sorted[n / 2];
     free(sorted);
     return PM_OK;

@@ -31,32 +31,37 @@
 // The width of a step of a weight that is held, which is the logarithm of a constant.
 #define HELD_WIDTH 0.1
 
-// --- residuals ---
+typedef struct lane {
+    pm_gauss_newton *form;
+    int id;
+    // Of a matrix: the residuals and their derivatives. Of products: `program` for the gradient and
+    // the squares that estimate the diagonal, and `multiply` for products.
+    pm_program *program, *multiply;
+    double *jacobian;     // [MATRIX_CHUNK * nresidual][size], of a matrix
+    double *gradient;     // [size] sum over the samples of this lane, also of a product
+    double *second;       // [size][size] the matrix, or [size] the squares
+    const double *vector; // [size] factor of the present product; NULL: no product
+    int count, chunk;
+    const int *index;
+    uint64_t seed;
+} lane;
 
-// Adds the residuals [1][n] of one window of samples to the graph: the scaled differences to the
-// data and, in the soft form, every component of L dS and M dE, times the root of the weight of the
-// penalty. Their squares sum to the loss of the sample without its robust function. *input receives
-// the window (loss/loss_graph.h).
-static pm_status build_residuals(pm_graph *g, const pm_loss_context *c, pm_node *input,
-                                 pm_node *residual) {
-    pm_loss_nodes nodes;
-    PM_TRY(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
-    *input = nodes.input;
-    *residual = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
-    if (nodes.degeneracy != PM_NO_NODE) {
-        *residual =
-            pm_concat_or(g, *residual, pm_scale(g, nodes.degeneracy, sqrt(c->loss->degeneracy)));
-    }
-    return PM_OK;
-}
-
-// Adds the trained matrices [n] to the graph.
-static void build_weights(pm_graph *g, int n, const pm_trained *trained, pm_node *leaf) {
-    for (int i = 0; i < n; ++i) {
-        const pm_param_entry *entry = trained[i].entry;
-        leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
-    }
-}
+struct pm_gauss_newton {
+    pm_arena arena; // owns the arrays
+    bool matrix;
+    pm_objective *objective;
+    pm_loss_context context;
+    int size, nresidual, nentry, chunk;
+    pm_trained *trained;     // [nentry]
+    pm_node input, residual; // residual [1][nresidual]
+    // Nodes are PM_NO_NODE where there is no dependence.
+    pm_node *derivative;                   // [nresidual][nentry], of a matrix
+    pm_node root, sign;                    // [1][1], [1][nresidual], of products, likewise below
+    pm_node *gradient, *estimate, *result; // [nentry]
+    double *vector;                        // [size] read by the programs
+    pm_lanes lanes;
+    lane lane[PM_TEAM_LANES]; // those of this process
+};
 
 // Appends the nodes that exist to output and returns their number.
 static int list_outputs(int count, const pm_node *node, pm_node *output, int noutput) {
@@ -71,41 +76,9 @@ static int list_outputs(int count, const pm_node *node, pm_node *output, int nou
 // --- the matrix: one reverse pass for each residual, with the weights repeated for each sample so
 // that the gradients of samples stay separate ---
 
-typedef struct jacobian_lane {
-    pm_gauss_newton_matrix *normal;
-    int id;
-    pm_program *program;
-    double *jacobian; // [MATRIX_CHUNK * nresidual][size]
-    double *hessian;  // [size][size]
-    double *gradient; // [size]
-    int count;
-    const int *index;
-} jacobian_lane;
-
-struct pm_gauss_newton_matrix {
-    pm_arena arena; // owns the arrays
-    pm_objective *objective;
-    pm_loss_context context;
-    int size, nresidual, nentry;
-    pm_trained *trained;     // [nentry]
-    pm_node input, residual; // residual [1][nresidual]
-    pm_node *derivative;     // [nresidual][nentry], PM_NO_NODE where independent
-    pm_lanes lanes;
-    jacobian_lane lane[PM_TEAM_LANES]; // those of this process
-};
-
-static pm_status build_matrix(pm_gauss_newton_matrix *n, pm_graph *g, pm_arena *scratch) {
+static pm_status build_matrix(pm_gauss_newton *n, pm_graph *g, const pm_node *leaf,
+                              pm_arena *scratch) {
     const size_t size = (size_t)n->size;
-    pm_graph_weights_per_item(g);
-    n->nentry = pm_trained_list(n->context.system, NULL);
-    n->trained = pm_arena_array(&n->arena, (size_t)n->nentry, sizeof *n->trained);
-    pm_node *leaf = pm_arena_array(scratch, (size_t)n->nentry, sizeof *leaf);
-    PM_TRY(pm_arena_status(&n->arena, "the normal equations"));
-    PM_TRY(pm_arena_status(scratch, "the normal equations"));
-    pm_trained_list(n->context.system, n->trained);
-    PM_TRY(build_residuals(g, &n->context, &n->input, &n->residual));
-    build_weights(g, n->nentry, n->trained, leaf);
-    n->nresidual = pm_graph_shape(g, n->residual).cols;
     const size_t cells = (size_t)n->nresidual * (size_t)n->nentry + 1;
     n->derivative = pm_arena_array(&n->arena, cells, sizeof *n->derivative);
     pm_node *output = pm_arena_array(scratch, cells, sizeof *output);
@@ -118,9 +91,7 @@ static pm_status build_matrix(pm_gauss_newton_matrix *n, pm_graph *g, pm_arena *
         noutput = list_outputs(n->nentry, row, output, noutput);
     }
     for (int i = 0; i < n->lanes.own; ++i) {
-        jacobian_lane *l = &n->lane[i];
-        l->normal = n;
-        l->id = n->lanes.first + i;
+        lane *l = &n->lane[i];
         if (n->context.loss->team == NULL || i == 0) {
             PM_TRY(pm_program_open(&l->program, g, noutput, output, MATRIX_CHUNK));
             l->jacobian = pm_arena_array(
@@ -129,53 +100,17 @@ static pm_status build_matrix(pm_gauss_newton_matrix *n, pm_graph *g, pm_arena *
             l->program = n->lane[0].program;
             l->jacobian = n->lane[0].jacobian;
         }
-        l->hessian = pm_arena_array(&n->arena, size * size, sizeof *l->hessian);
-        l->gradient = pm_arena_array(&n->arena, size, sizeof *l->gradient);
+        l->second = pm_arena_array(&n->arena, size * size, sizeof *l->second);
     }
     return pm_arena_status(&n->arena, "the normal equations of %d weights", n->size);
 }
 
-pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_objective *objective) {
-    pm_gauss_newton_matrix *n = calloc(1, sizeof *n);
-    if (n == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
-    }
-    n->objective = objective;
-    n->context = pm_objective_context(objective);
-    n->lanes = pm_team_lanes(n->context.loss->team);
-    n->size = pm_objective_size(objective);
-    pm_graph *g = NULL;
-    pm_arena scratch = {0};
-    pm_status status = pm_graph_open(&g);
-    if (status == PM_OK) {
-        status = build_matrix(n, g, &scratch);
-    }
-    pm_graph_close(g);
-    pm_arena_free(&scratch);
-    if (status != PM_OK) {
-        pm_gauss_newton_matrix_close(n);
-        return status;
-    }
-    *normal = n;
-    return PM_OK;
-}
-
-void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal) {
-    if (normal != NULL) {
-        for (int i = 0; i < (normal->context.loss->team == NULL ? normal->lanes.own : 1); ++i) {
-            pm_program_close(normal->lane[i].program);
-        }
-        pm_arena_free(&normal->arena);
-        free(normal);
-    }
-}
-
 static void *work_on_matrix(void *context) {
-    jacobian_lane *l = context;
-    const pm_gauss_newton_matrix *n = l->normal;
+    lane *l = context;
+    const pm_gauss_newton *n = l->form;
     const pm_samples *samples = n->context.samples;
     const size_t width = (size_t)pm_samples_width(samples), size = (size_t)n->size;
-    memset(l->hessian, 0, size * size * sizeof *l->hessian);
+    memset(l->second, 0, size * size * sizeof *l->second);
     memset(l->gradient, 0, size * sizeof *l->gradient);
     for (int first = l->id * MATRIX_CHUNK; first < l->count;
          first += n->lanes.count * MATRIX_CHUNK) {
@@ -203,7 +138,7 @@ static void *work_on_matrix(void *context) {
                 }
             }
         }
-        pm_gram_add(batch * n->nresidual, n->size, l->jacobian, l->hessian);
+        pm_gram_add(batch * n->nresidual, n->size, l->jacobian, l->second);
         const double *value = pm_program_value(l->program, n->residual);
         for (int r = 0; r < n->nresidual; ++r) {
             for (int s = 0; s < batch; ++s) {
@@ -218,59 +153,36 @@ static void *work_on_matrix(void *context) {
     return NULL;
 }
 
-void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
-                                     double *gradient, double *hessian) {
-    pm_gauss_newton_matrix *n = normal;
-    const pm_team *team = n->context.loss->team;
-    const size_t size = (size_t)n->size;
-    double *first[PM_TEAM_LANES], *second[PM_TEAM_LANES];
-    for (int i = 0; i < n->lanes.own; ++i) {
-        n->lane[i].count = count;
-        n->lane[i].index = index;
-        first[i] = n->lane[i].gradient;
-        second[i] = n->lane[i].hessian;
+// Writes the mean [n] of the first or the second sums of all lanes.
+static void take_mean(pm_gauss_newton *p, bool second, size_t n, int count, double *mean) {
+    double *value[PM_TEAM_LANES];
+    for (int i = 0; i < p->lanes.own; ++i) {
+        value[i] = second ? p->lane[i].second : p->lane[i].gradient;
     }
-    pm_team_run(team, work_on_matrix, n->lane, sizeof *n->lane);
-    pm_team_add(team, size, first);
-    pm_team_add(team, size * size, second);
-    for (size_t i = 0; i < size; ++i) {
-        gradient[i] = first[0][i] / count;
+    pm_team_add(p->context.loss->team, n, value);
+    for (size_t i = 0; i < n; ++i) {
+        mean[i] = value[0][i] / count;
     }
-    for (size_t i = 0; i < size * size; ++i) {
-        hessian[i] = second[0][i] / count;
+}
+
+void pm_gauss_newton_evaluate(pm_gauss_newton *form, int count, const int *index, double *gradient,
+                              double *hessian) {
+    const size_t size = (size_t)form->size;
+    for (int i = 0; i < form->lanes.own; ++i) {
+        form->lane[i].count = count;
+        form->lane[i].index = index;
     }
+    pm_team_run(form->context.loss->team, work_on_matrix, form->lane, sizeof *form->lane);
+    take_mean(form, false, size, count, gradient);
+    take_mean(form, true, size * size, count, hessian);
 }
 
 // --- products: one program for the gradient and for the squares that estimate the diagonal, and
 // one for products ---
 
-typedef struct product_lane {
-    pm_gauss_newton_product *product;
-    int id;
-    pm_program *linear, *multiply;
-    double *sum, *square; // [size] sums over the samples of this lane
-    const double *vector; // [size] factor of the present product; NULL while linearising
-    int count, chunk;
-    const int *index;
-    uint64_t seed;
-} product_lane;
-
-struct pm_gauss_newton_product {
-    pm_arena arena; // owns the arrays
-    pm_objective *objective;
-    pm_loss_context context;
-    int size, nresidual, nentry, chunk;
-    pm_trained *trained;                   // [nentry]
-    pm_node input, root, sign;             // root [1][1], sign [1][nresidual]
-    pm_node *gradient, *estimate, *result; // [nentry], PM_NO_NODE where independent
-    double *vector;                        // [size] read by the programs
-    pm_lanes lanes;
-    product_lane lane[PM_TEAM_LANES]; // those of this process
-};
-
 // Returns J v as the derivative of u^T J v with respect to u. `work` [nentry] is overwritten.
-static pm_node build_tangent(pm_gauss_newton_product *p, pm_graph *g, pm_node residual,
-                             const pm_node *leaf, pm_node *work) {
+static pm_node build_tangent(pm_gauss_newton *p, pm_graph *g, pm_node residual, const pm_node *leaf,
+                             pm_node *work) {
     const pm_node u = pm_input(g, true, 1, p->nresidual);
     pm_gradient(g, residual, u, p->nentry, leaf, work);
     pm_node sum = PM_NO_NODE, tangent = PM_NO_NODE;
@@ -287,7 +199,7 @@ static pm_node build_tangent(pm_gauss_newton_product *p, pm_graph *g, pm_node re
 }
 
 // Chooses how many samples a program of these outputs may run at once.
-static pm_status choose_chunk(pm_gauss_newton_product *p, const pm_graph *g, int count,
+static pm_status choose_chunk(pm_gauss_newton *p, const pm_graph *g, int count,
                               const pm_node *output) {
     pm_program *one = NULL, *two = NULL;
     PM_TRY(pm_program_open(&one, g, count, output, 1));
@@ -304,31 +216,23 @@ static pm_status choose_chunk(pm_gauss_newton_product *p, const pm_graph *g, int
     return status;
 }
 
-static pm_status build_product(pm_gauss_newton_product *p, pm_graph *g, pm_arena *scratch) {
-    p->nentry = pm_trained_list(p->context.system, NULL);
+static pm_status build_product(pm_gauss_newton *p, pm_graph *g, const pm_node *leaf,
+                               pm_arena *scratch) {
     const size_t n = (size_t)p->nentry + 1, size = (size_t)p->size + 1;
     p->gradient = pm_arena_array(&p->arena, n, sizeof *p->gradient);
     p->estimate = pm_arena_array(&p->arena, n, sizeof *p->estimate);
     p->result = pm_arena_array(&p->arena, n, sizeof *p->result);
-    p->trained = pm_arena_array(&p->arena, n, sizeof *p->trained);
     p->vector = pm_arena_array(&p->arena, size, sizeof *p->vector);
     for (int i = 0; i < p->lanes.own; ++i) {
-        p->lane[i].sum = pm_arena_array(&p->arena, size, sizeof *p->lane[i].sum);
-        p->lane[i].square = pm_arena_array(&p->arena, size, sizeof *p->lane[i].square);
+        p->lane[i].second = pm_arena_array(&p->arena, size, sizeof *p->lane[i].second);
     }
-    pm_node *leaf = pm_arena_array(scratch, n, sizeof *leaf);
     pm_node *linear = pm_arena_array(scratch, 2 * n, sizeof *linear);
     pm_node *multiply = pm_arena_array(scratch, n, sizeof *multiply);
     PM_TRY(pm_arena_status(&p->arena, "products of %d weights", p->size));
     PM_TRY(pm_arena_status(scratch, "products of %d weights", p->size));
-    pm_trained_list(p->context.system, p->trained);
-    pm_node unweighted;
-    PM_TRY(build_residuals(g, &p->context, &p->input, &unweighted));
     p->root = pm_input(g, true, 1, 1);
-    const pm_node residual = pm_mul(g, unweighted, p->root);
-    p->nresidual = pm_graph_shape(g, residual).cols;
+    const pm_node residual = pm_mul(g, p->residual, p->root);
     p->sign = pm_input(g, true, 1, p->nresidual);
-    build_weights(g, p->nentry, p->trained, leaf);
     const pm_node tangent = build_tangent(p, g, residual, leaf, p->result);
     pm_gradient(g, residual, residual, p->nentry, leaf, p->gradient);
     pm_gradient(g, residual, p->sign, p->nentry, leaf, p->estimate);
@@ -339,59 +243,21 @@ static pm_status build_product(pm_gauss_newton_product *p, pm_graph *g, pm_arena
     PM_TRY(choose_chunk(p, g, nlinear, linear));
     PM_TRY(choose_chunk(p, g, nmultiply, multiply));
     for (int i = 0; i < p->lanes.own; ++i) {
-        product_lane *l = &p->lane[i];
-        l->product = p;
-        l->id = p->lanes.first + i;
+        lane *l = &p->lane[i];
         if (p->context.loss->team == NULL || i == 0) {
-            PM_TRY(pm_program_open(&l->linear, g, nlinear, linear, p->chunk));
+            PM_TRY(pm_program_open(&l->program, g, nlinear, linear, p->chunk));
             PM_TRY(pm_program_open(&l->multiply, g, nmultiply, multiply, p->chunk));
         } else { // the lanes of a member of a team take turns
-            l->linear = p->lane[0].linear;
+            l->program = p->lane[0].program;
             l->multiply = p->lane[0].multiply;
         }
     }
     return PM_OK;
 }
 
-pm_status pm_gauss_newton_product_open(pm_gauss_newton_product **product, pm_objective *objective) {
-    pm_gauss_newton_product *p = calloc(1, sizeof *p);
-    if (p == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for products");
-    }
-    p->objective = objective;
-    p->context = pm_objective_context(objective);
-    p->lanes = pm_team_lanes(p->context.loss->team);
-    p->size = pm_objective_size(objective);
-    pm_graph *g = NULL;
-    pm_arena scratch = {0};
-    pm_status status = pm_graph_open(&g);
-    if (status == PM_OK) {
-        status = build_product(p, g, &scratch);
-    }
-    pm_graph_close(g);
-    pm_arena_free(&scratch);
-    if (status != PM_OK) {
-        pm_gauss_newton_product_close(p);
-        return status;
-    }
-    *product = p;
-    return PM_OK;
-}
-
-void pm_gauss_newton_product_close(pm_gauss_newton_product *product) {
-    if (product != NULL) {
-        for (int i = 0; i < (product->context.loss->team == NULL ? product->lanes.own : 1); ++i) {
-            pm_program_close(product->lane[i].linear);
-            pm_program_close(product->lane[i].multiply);
-        }
-        pm_arena_free(&product->arena);
-        free(product);
-    }
-}
-
 // Adds the values of `node` [nentry], or their squares, to sum [size].
-static void add(const pm_gauss_newton_product *p, pm_program *program, const pm_node *node,
-                bool squared, double *sum) {
+static void add(const pm_gauss_newton *p, pm_program *program, const pm_node *node, bool squared,
+                double *sum) {
     for (int i = 0; i < p->nentry; ++i) {
         const double *from = node[i] == PM_NO_NODE ? NULL : pm_program_value(program, node[i]);
         double *to = sum + p->trained[i].first;
@@ -402,16 +268,16 @@ static void add(const pm_gauss_newton_product *p, pm_program *program, const pm_
 }
 
 static void *work_on_product(void *context) {
-    product_lane *l = context;
-    const pm_gauss_newton_product *p = l->product;
+    lane *l = context;
+    const pm_gauss_newton *p = l->form;
     const pm_samples *samples = p->context.samples;
     const size_t width = (size_t)pm_samples_width(samples);
     const bool linearising = l->vector == NULL;
-    pm_program *program = linearising ? l->linear : l->multiply;
+    pm_program *program = linearising ? l->program : l->multiply;
     double *window = pm_program_value(program, p->input);
     double *root = pm_program_value(program, p->root);
-    memset(l->sum, 0, (size_t)p->size * sizeof *l->sum);
-    memset(l->square, 0, (size_t)p->size * sizeof *l->square);
+    memset(l->gradient, 0, (size_t)p->size * sizeof *l->gradient);
+    memset(l->second, 0, (size_t)p->size * sizeof *l->second);
     for (int first = l->id * l->chunk; first < l->count; first += p->lanes.count * l->chunk) {
         const int batch = l->count - first < l->chunk ? l->count - first : l->chunk;
         for (int i = 0; i < batch; ++i) {
@@ -428,22 +294,22 @@ static void *work_on_product(void *context) {
             }
         }
         pm_program_run(program, batch);
-        add(p, program, linearising ? p->gradient : p->result, false, l->sum);
+        add(p, program, linearising ? p->gradient : p->result, false, l->gradient);
         if (linearising) {
-            add(p, program, p->estimate, true, l->square);
+            add(p, program, p->estimate, true, l->second);
         }
     }
     return NULL;
 }
 
 // Runs the lanes with chunks of about equal size, at least `runs` of them.
-static void run_lanes(pm_gauss_newton_product *p, int count, const int *index, uint64_t seed,
-                      int runs, const double *vector) {
+static void run_lanes(pm_gauss_newton *p, int count, const int *index, uint64_t seed, int runs,
+                      const double *vector) {
     const int most = p->lanes.count * p->chunk;
     const int needed = p->lanes.count * ((count + most - 1) / most);
     const int total = needed < runs ? runs : needed;
     for (int i = 0; i < p->lanes.own; ++i) {
-        product_lane *l = &p->lane[i];
+        lane *l = &p->lane[i];
         l->vector = vector;
         l->count = count;
         l->index = index;
@@ -453,31 +319,90 @@ static void run_lanes(pm_gauss_newton_product *p, int count, const int *index, u
     pm_team_run(p->context.loss->team, work_on_product, p->lane, sizeof *p->lane);
 }
 
-// Writes the mean [size] of the sums, or of the squares, of all lanes.
-static void take_mean(pm_gauss_newton_product *p, bool squares, int count, double *mean) {
-    double *value[PM_TEAM_LANES];
-    for (int i = 0; i < p->lanes.own; ++i) {
-        value[i] = squares ? p->lane[i].square : p->lane[i].sum;
-    }
-    pm_team_add(p->context.loss->team, (size_t)p->size, value);
-    for (int i = 0; i < p->size; ++i) {
-        mean[i] = value[0][i] / count;
-    }
+void pm_gauss_newton_linearise(pm_gauss_newton *form, int count, const int *index, uint64_t seed,
+                               double *gradient, double *diagonal) {
+    run_lanes(form, count, index, seed, FEWEST_ESTIMATES, NULL);
+    take_mean(form, false, (size_t)form->size, count, gradient);
+    take_mean(form, true, (size_t)form->size, count, diagonal);
 }
 
-void pm_gauss_newton_product_linearise(pm_gauss_newton_product *product, int count,
-                                       const int *index, uint64_t seed, double *gradient,
-                                       double *diagonal) {
-    run_lanes(product, count, index, seed, FEWEST_ESTIMATES, NULL);
-    take_mean(product, false, count, gradient);
-    take_mean(product, true, count, diagonal);
+void pm_gauss_newton_apply(pm_gauss_newton *form, int count, const int *index, const double *vector,
+                           double *result) {
+    memcpy(form->vector, vector, (size_t)form->size * sizeof *vector);
+    run_lanes(form, count, index, 0, form->lanes.count, form->vector);
+    take_mean(form, false, (size_t)form->size, count, result);
 }
 
-void pm_gauss_newton_product_apply(pm_gauss_newton_product *product, int count, const int *index,
-                                   const double *vector, double *result) {
-    memcpy(product->vector, vector, (size_t)product->size * sizeof *vector);
-    run_lanes(product, count, index, 0, product->lanes.count, product->vector);
-    take_mean(product, false, count, result);
+// --- both ---
+
+static pm_status build(pm_gauss_newton *n, pm_graph *g, pm_arena *scratch) {
+    if (n->matrix) {
+        pm_graph_weights_per_item(g);
+    }
+    n->nentry = pm_trained_list(n->context.system, NULL);
+    n->trained = pm_arena_array(&n->arena, (size_t)n->nentry, sizeof *n->trained);
+    pm_node *leaf = pm_arena_array(scratch, (size_t)n->nentry + 1, sizeof *leaf);
+    for (int i = 0; i < n->lanes.own; ++i) {
+        n->lane[i].form = n;
+        n->lane[i].id = n->lanes.first + i;
+        n->lane[i].gradient = pm_arena_array(&n->arena, (size_t)n->size + 1, sizeof(double));
+    }
+    PM_TRY(pm_arena_status(&n->arena, "the normal equations"));
+    PM_TRY(pm_arena_status(scratch, "the normal equations"));
+    pm_trained_list(n->context.system, n->trained);
+    // The residuals of one window of samples: the scaled differences to the data and, in the soft
+    // form, every component of L dS and M dE, times the root of the weight of the penalty. Their
+    // squares sum to the loss of the sample without its robust function.
+    const pm_loss *loss = n->context.loss;
+    pm_loss_nodes nodes;
+    PM_TRY(pm_loss_graph_build(g, n->context.system, n->context.samples, loss, &nodes));
+    n->input = nodes.input;
+    n->residual = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
+    if (nodes.degeneracy != PM_NO_NODE) {
+        n->residual =
+            pm_concat_or(g, n->residual, pm_scale(g, nodes.degeneracy, sqrt(loss->degeneracy)));
+    }
+    for (int i = 0; i < n->nentry; ++i) {
+        const pm_param_entry *entry = n->trained[i].entry;
+        leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
+    }
+    n->nresidual = pm_graph_shape(g, n->residual).cols;
+    return n->matrix ? build_matrix(n, g, leaf, scratch) : build_product(n, g, leaf, scratch);
+}
+
+pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix) {
+    pm_gauss_newton *n = calloc(1, sizeof *n);
+    if (n == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
+    }
+    n->matrix = matrix;
+    n->objective = objective;
+    n->context = pm_objective_context(objective);
+    n->lanes = pm_team_lanes(n->context.loss->team);
+    n->size = pm_objective_size(objective);
+    pm_graph *g = NULL;
+    pm_arena scratch = {0};
+    pm_status status;
+    PM_TRY_DONE(pm_graph_open(&g));
+    PM_TRY_DONE(build(n, g, &scratch));
+    *form = n;
+    n = NULL;
+done:
+    pm_graph_close(g);
+    pm_arena_free(&scratch);
+    pm_gauss_newton_close(n);
+    return status;
+}
+
+void pm_gauss_newton_close(pm_gauss_newton *form) {
+    if (form != NULL) {
+        for (int i = 0; i < (form->context.loss->team == NULL ? form->lanes.own : 1); ++i) {
+            pm_program_close(form->lane[i].program);
+            pm_program_close(form->lane[i].multiply);
+        }
+        pm_arena_free(&form->arena);
+        free(form);
+    }
 }
 
 // --- damped equations ---
@@ -510,13 +435,11 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
             e->held[k] = trained[i].entry->held;
         }
     }
-    return matrix ? pm_gauss_newton_matrix_open(&e->matrix, objective)
-                  : pm_gauss_newton_product_open(&e->product, objective);
+    return pm_gauss_newton_open(&e->form, objective, matrix);
 }
 
 void pm_damped_equations_close(pm_damped_equations *e) {
-    pm_gauss_newton_matrix_close(e->matrix);
-    pm_gauss_newton_product_close(e->product);
+    pm_gauss_newton_close(e->form);
     pm_arena_free(&e->arena);
 }
 
@@ -525,13 +448,13 @@ void pm_damped_equations_linearise(pm_damped_equations *e, int count, const int 
     e->count = count;
     e->index = index;
     e->hold = loss / (HELD_WIDTH * HELD_WIDTH);
-    if (e->matrix != NULL) {
-        pm_gauss_newton_matrix_evaluate(e->matrix, count, index, e->gradient, e->hessian);
+    if (e->hessian != NULL) {
+        pm_gauss_newton_evaluate(e->form, count, index, e->gradient, e->hessian);
         for (size_t i = 0; i < (size_t)e->size; ++i) {
             e->diagonal[i] = e->hessian[i * (size_t)e->size + i];
         }
     } else {
-        pm_gauss_newton_product_linearise(e->product, count, index, seed, e->gradient, e->diagonal);
+        pm_gauss_newton_linearise(e->form, count, index, seed, e->gradient, e->diagonal);
     }
     double largest = 0;
     for (int i = 0; i < e->size; ++i) {
@@ -575,7 +498,7 @@ static bool is_frozen(const pm_damped_equations *e, int i) {
 
 // Computes image = (H + R + damping D + near I) vector without the rows of frozen weights.
 static void multiply(pm_damped_equations *e, double damping, const double *vector, double *image) {
-    pm_gauss_newton_product_apply(e->product, e->count, e->index, vector, image);
+    pm_gauss_newton_apply(e->form, e->count, e->index, vector, image);
     for (int i = 0; i < e->size; ++i) {
         image[i] += (damping * e->diagonal[i] + ridge(e, (size_t)i)) * vector[i];
         image[i] = is_frozen(e, i) ? 0 : image[i];
@@ -637,7 +560,7 @@ static bool solve_by_products(pm_damped_equations *e, double damping, int most, 
 
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                int most, double *step) {
-    if (e->matrix != NULL) {
+    if (e->hessian != NULL) {
         const size_t n = (size_t)e->size;
         memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
         for (size_t i = 0; i < n; ++i) {

@@ -31,60 +31,49 @@
 
 #include "loss/objective.h"
 
-// --- the matrix ---
+// --- the matrix and its products ---
 
-typedef struct pm_gauss_newton_matrix pm_gauss_newton_matrix;
+typedef struct pm_gauss_newton pm_gauss_newton;
 
-// Prepares the Jacobian for the loss of `objective`, which must outlive the result. The caller
-// closes it. PM_ENOMEM.
-pm_status pm_gauss_newton_matrix_open(pm_gauss_newton_matrix **normal, pm_objective *objective);
-void pm_gauss_newton_matrix_close(pm_gauss_newton_matrix *normal); // NULL is allowed
+// Prepares the Jacobian for the loss of `objective`, which must outlive the result; without
+// `matrix` it prepares products instead. The caller closes it. PM_ENOMEM.
+//
+// The functions below take samples index [count]; n is pm_objective_size. The last call of
+// pm_objective_evaluate must have covered these samples at the present weights, since its robust
+// weights are used.
+pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix);
+void pm_gauss_newton_close(pm_gauss_newton *form); // NULL is allowed
 
 // Computes the gradient [n] and the upper triangle of the matrix hessian [n][n] of half the mean
-// loss over the samples index [count], where n = pm_objective_size. The last call of
-// pm_objective_evaluate must have covered these samples at the present weights, since this function
-// uses the robust weights that it computed.
-void pm_gauss_newton_matrix_evaluate(pm_gauss_newton_matrix *normal, int count, const int *index,
-                                     double *gradient, double *hessian);
+// loss. The form must have been opened for the matrix.
+void pm_gauss_newton_evaluate(pm_gauss_newton *form, int count, const int *index, double *gradient,
+                              double *hessian);
 
-// --- products ---
+// Computes the gradient [n] of half the mean loss, and an estimate of the diagonal [n] of the
+// matrix: the mean square of J^T u over random signs u, which `seed` decides (Bekas, Kokiopoulou,
+// Saad, Appl. Numer. Math. 57 (2007) 1214). The form must have been opened for products.
+void pm_gauss_newton_linearise(pm_gauss_newton *form, int count, const int *index, uint64_t seed,
+                               double *gradient, double *diagonal);
 
-typedef struct pm_gauss_newton_product pm_gauss_newton_product;
-
-// Prepares products for the loss of `objective`, which must outlive the result. The caller closes
-// it. PM_ENOMEM.
-pm_status pm_gauss_newton_product_open(pm_gauss_newton_product **product, pm_objective *objective);
-void pm_gauss_newton_product_close(pm_gauss_newton_product *product); // NULL is allowed
-
-// Computes the gradient [n] of half the mean loss over the samples index [count], where n =
-// pm_objective_size, and an estimate of the diagonal [n] of the matrix: the mean square of J^T u
-// over random signs u, which `seed` decides (Bekas, Kokiopoulou, Saad, Appl. Numer. Math. 57 (2007)
-// 1214). The last call of pm_objective_evaluate must have covered these samples at the present
-// weights, since this function uses the robust weights that it computed.
-void pm_gauss_newton_product_linearise(pm_gauss_newton_product *product, int count,
-                                       const int *index, uint64_t seed, double *gradient,
-                                       double *diagonal);
-
-// Computes result [n] = matrix * vector [n], with the matrix of half the mean loss over the samples
-// index [count] at the present weights. The robust weights are those of the last evaluation.
-void pm_gauss_newton_product_apply(pm_gauss_newton_product *product, int count, const int *index,
-                                   const double *vector, double *result);
+// Computes result [n] = matrix * vector [n], with the matrix of half the mean loss at the present
+// weights. The form must have been opened for products.
+void pm_gauss_newton_apply(pm_gauss_newton *form, int count, const int *index, const double *vector,
+                           double *result);
 
 // --- damped equations ---
 
 typedef struct pm_damped_equations {
     pm_arena arena; // owns the arrays below
     int size;
-    pm_objective *objective;          // borrowed
-    pm_gauss_newton_matrix *matrix;   // NULL: conjugate gradients
-    pm_gauss_newton_product *product; // NULL: Cholesky
-    double *gradient, *diagonal;      // [size]
-    double *held;                     // [size] 1 for weights that are held, else 0
-    double hold;                      // the diagonal of R where held is 1
-    double *shrinks;                  // [size] 1 for weights that shrink, else 0
-    double *bend;                     // [size] the diagonal of S
-    double shrinkage;         // the factor of the penalty; 0 at first, the caller may change it
-    double *hessian, *damped; // [size][size] H and the damped matrix, for Cholesky
+    pm_objective *objective; // borrowed
+    pm_gauss_newton *form;
+    double *gradient, *diagonal; // [size]
+    double *held;                // [size] 1 for weights that are held, else 0
+    double hold;                 // the diagonal of R where held is 1
+    double *shrinks;             // [size] 1 for weights that shrink, else 0
+    double *bend;                // [size] the diagonal of S
+    double shrinkage;            // the factor of the penalty; 0 at first, the caller may change it
+    double *hessian, *damped;    // [size][size] H and the damped matrix; NULL: conjugate gradients
     double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
     double near;        // `near` in the equation; 0 at first, the caller may change it
     const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none

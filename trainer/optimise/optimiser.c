@@ -255,7 +255,7 @@ static void choose_batch(solver *s) {
 static pm_status try_step(void *context, double before, double *after, double *fraction) {
     solver *s = context;
     const pm_damped_equations *e = &s->equations;
-    const int tries = e->product == NULL ? 1 : MOST_FRACTIONS;
+    const int tries = e->hessian != NULL ? 1 : MOST_FRACTIONS;
     double longest = 0;
     for (int i = 0; i < s->size && s->o->schedule.guarded; ++i) {
         longest = fmax(longest, fabs(s->step[i]));

@@ -2,8 +2,9 @@
 #include "propose/logger_samples.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
+
+#include "base/linalg.h"
 
 // White noise: the standard deviations of its fourth and sixth differences, and the ratio of the
 // standard deviation of a normal distribution to its median absolute value.
@@ -24,13 +25,8 @@ enum { FOURTH = 4, SIXTH = 6 };
 static const int difference4[FOURTH + 1] = {1, -4, 6, -4, 1};
 static const int difference6[SIXTH + 1] = {1, -6, 15, -20, 15, -6, 1};
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 static double median_of(double *x, int n) {
-    qsort(x, (size_t)n, sizeof *x, compare);
+    pm_sort((size_t)n, x);
     return n > 0 ? x[n / 2] : NAN;
 }
 

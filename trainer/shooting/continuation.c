@@ -8,6 +8,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/linalg.h"
+
 // Gaps count like residuals of this many deviations of the noise at first.
 #define FIRST_GAP 3.0
 #define GAP_FALLS 0.3 // factor from point to point
@@ -38,11 +40,6 @@
 #define MOST_FINER 5
 #define MOST_CALMER 8
 
-static int compare(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 // --- noise ---
 
 // Estimates the noise of every column from the median absolute residual. Given noise counts in the
@@ -69,7 +66,7 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
                 }
             }
         }
-        qsort(size, n, sizeof *size, compare);
+        pm_sort((size_t)n, size);
         const double least =
             (last ? LEAST_NOISE : PM_CONTINUATION_EARLY_NOISE) * s->tracks->deviation[c];
         const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
@@ -184,7 +181,7 @@ static double growth(const pm_shooting *s) {
             size[n++] = largest;
         }
     }
-    qsort(size, (size_t)n, sizeof *size, compare);
+    pm_sort((size_t)n, size);
     const double most = n > 0 ? size[9 * n / 10] : 0;
     free(size);
     return most;
