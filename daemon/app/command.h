@@ -25,6 +25,11 @@ typedef struct pm_run_options {
     const char *fmi;               // version of the FMU that is written
     const char *text;              // of the scene; NULL: that of the file `scene`
     const char *other;             // folder of the weights that another host has
+    const char *budget;            // s, of a study
+    const char *error;             // %, that advice is for
+    const char *write;             // file of a scene
+    const char *picture;           // name of a picture, without its ending
+    int64_t seed;                  // of random starts
     int64_t steps;                 // number of steps of the run; 0: as the scene says
     int64_t session;   // number of the session to join or to open; 0: no session was given
     int64_t port, udp; // numbers of ports; 0: not given
@@ -67,10 +72,11 @@ enum {
     PM_OPTION_START = 1 << 23,  // of a run: --endless, --wait, --pace, --record
     PM_OPTION_STATE = 1 << 24,
     PM_OPTION_INPUTS = 1 << 25,
-    PM_OPTION_TEST = 1 << 26, // --here, --other
-    PM_OPTION_JSON = 1 << 27,
+    PM_OPTION_TEST = 1 << 26,       // --here, --other, --json
+    PM_OPTION_ERROR = 1 << 27,      // --error
     PM_OPTION_TRAJECTORY = 1 << 28, // --trajectory, --data
-    PM_OPTION_HELD = 1 << 29
+    PM_OPTION_HELD = 1 << 29,
+    PM_OPTION_STUDY = 1 << 30 // --budget, --seed, --write, --picture, --json
 };
 
 typedef struct pm_command {
@@ -87,6 +93,6 @@ extern const pm_command pm_command_run, pm_command_serve, pm_command_node, pm_co
     pm_command_status, pm_command_view, pm_command_export, pm_command_emit, pm_command_check,
     pm_command_start, pm_command_pause, pm_command_resume, pm_command_advance, pm_command_set,
     pm_command_reset, pm_command_stop, pm_command_query, pm_command_reload, pm_command_checkpoint,
-    pm_command_restore, pm_command_test;
+    pm_command_restore, pm_command_test, pm_command_bench, pm_command_stress;
 
 #endif

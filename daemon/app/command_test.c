@@ -359,32 +359,6 @@ static int wait_for(const assembly *a, pid_t pid, double grace) {
     return WIFEXITED(end) ? WEXITSTATUS(end) : -1;
 }
 
-// Runs the coordinator and each node as on hosts of their own, the last with the weights of
-// --other. Returns the exit code of the coordinator.
-static int run_hosts(const assembly *a, pm_run_options *options) {
-    const pm_network *network = &a->setup.scene->network;
-    pm_arena arena = {0};
-    pid_t *node = pm_arena_array(&arena, (size_t)network->nprocess, sizeof *node), coordinator;
-    options->session = pm_lockstep_session();
-    for (int i = 0; i < network->nprocess && node != NULL; ++i) {
-        pm_run_options own = *options;
-        own.name = network->process[i].name;
-        own.weights = i == network->nprocess - 1 ? a->options->other : options->weights;
-        own.record = NULL;
-        node[i] = start(a, &pm_command_node, &own, NULL, "node");
-    }
-    coordinator = start(a, &pm_command_coordinator, options, NULL, "run");
-    const int code = wait_for(a, coordinator, DEADLINE);
-    for (int i = 0; i < network->nprocess && node != NULL; ++i) {
-        if (code != 0) {
-            kill(node[i], SIGTERM);
-        }
-        wait_for(a, node[i], GRACE);
-    }
-    pm_arena_free(&arena);
-    return code;
-}
-
 // Executes a trial. `why` [LINE] becomes what is wrong, or stays empty; `skipped` the reason for
 // which it cannot be made.
 static pm_status execute_trial(assembly *a, const trial *t, char *why, const char **skipped) {
@@ -438,7 +412,28 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     open_gate(a, a->steps / (NGATE + 1));
     int code;
     if (t->other) {
-        code = run_hosts(a, &options);
+        // The coordinator and each node start as on hosts of their own, the last with the weights
+        // of
+        // --other.
+        const pm_network *network = &scene->network;
+        pm_arena arena = {0};
+        pid_t *node = pm_arena_array(&arena, (size_t)network->nprocess, sizeof *node);
+        options.session = pm_lockstep_session();
+        for (int i = 0; i < network->nprocess && node != NULL; ++i) {
+            pm_run_options own = options;
+            own.name = network->process[i].name;
+            own.weights = i == network->nprocess - 1 ? a->options->other : options.weights;
+            own.record = NULL;
+            node[i] = start(a, &pm_command_node, &own, NULL, "node");
+        }
+        code = wait_for(a, start(a, &pm_command_coordinator, &options, NULL, "run"), DEADLINE);
+        for (int i = 0; i < network->nprocess && node != NULL; ++i) {
+            if (code != 0) {
+                kill(node[i], SIGTERM);
+            }
+            wait_for(a, node[i], GRACE);
+        }
+        pm_arena_free(&arena);
     } else if (t->ranks) {
         const ssize_t length = readlink("/proc/self/exe", program, sizeof program - 1);
         program[length > 0 ? length : 0] = '\0';
@@ -722,7 +717,7 @@ const pm_command pm_command_test = {
         "a\n"
         "private network, which root may make, or anybody where user namespaces are allowed. With\n"
         "--other the last process reads other weights, as if its host had a copy of its own.",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_REPLAY |
-               PM_OPTION_TEST | PM_OPTION_JSON,
+    .accepts =
+        PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_REPLAY | PM_OPTION_TEST,
     .execute = execute,
 };

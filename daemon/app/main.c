@@ -15,14 +15,14 @@ static const pm_command *const commands[] = {
     &pm_command_stop,    &pm_command_query,   &pm_command_reload,      &pm_command_checkpoint,
     &pm_command_restore, &pm_command_node,    &pm_command_coordinator, &pm_command_status,
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
-    &pm_command_test,
+    &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
 enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 42, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
     pm_run_options run;
-    const char *steps, *session, *log, *port, *udp;
+    const char *steps, *session, *log, *port, *udp, *seed;
 } given_options;
 
 static pm_option text_option(const char *name, const char *value, const char **text,
@@ -34,7 +34,7 @@ static pm_option text_option(const char *name, const char *value, const char **t
 static int list_options(unsigned accepts, given_options *given, pm_option *table) {
     pm_run_options *run = &given->run;
     const struct {
-        unsigned bit;
+        unsigned any; // of these bits
         pm_option option;
     } row[MOST_OPTIONS] = {
         {PM_OPTION_STEPS,
@@ -129,11 +129,21 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
         {PM_OPTION_TEST, text_option("--other", "DIR", &run->other,
                                      "let the last process take its weights from DIR, as on "
                                      "another host")},
-        {PM_OPTION_JSON, {.name = "--json", .on = &run->json, .help = "print results as JSON"}},
+        {PM_OPTION_ERROR, text_option("--error", "PERCENT", &run->error,
+                                      "give advice for this error instead of 0.01 %")},
+        {PM_OPTION_STUDY, text_option("--budget", "SECONDS", &run->budget,
+                                      "take at most this time, 60 s by default")},
+        {PM_OPTION_STUDY, text_option("--seed", "N", &given->seed, "take other random starts")},
+        {PM_OPTION_STUDY, text_option("--write", "FILE", &run->write,
+                                      "write the scene that is advised, or that breaks")},
+        {PM_OPTION_STUDY,
+         text_option("--picture", "NAME", &run->picture, "draw NAME.png and NAME.svg by gnuplot")},
+        {PM_OPTION_TEST | PM_OPTION_STUDY,
+         {.name = "--json", .on = &run->json, .help = "print results as JSON"}},
     };
     int count = 0;
     for (int i = 0; i < MOST_OPTIONS; ++i) {
-        if ((accepts & row[i].bit) != 0) {
+        if ((accepts & row[i].any) != 0) {
             table[count++] = row[i].option;
         }
     }
@@ -173,7 +183,8 @@ static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *sto
     } count[] = {{"--steps", given.steps, INT_MAX, &run->steps},
                  {"--session", given.session, INT64_MAX, &run->session},
                  {"--port", given.port, MOST_PORT, &run->port},
-                 {"--udp", given.udp, MOST_PORT, &run->udp}};
+                 {"--udp", given.udp, MOST_PORT, &run->udp},
+                 {"--seed", given.seed, INT_MAX, &run->seed}};
     for (size_t i = 0; i < sizeof count / sizeof count[0]; ++i) {
         if (count[i].text != NULL) {
             PM_TRY(pm_options_count(count[i].name, count[i].text, count[i].most, count[i].result));
@@ -200,7 +211,7 @@ int main(int argc, char **argv) {
                  "conserved and entropy\nnever falls.",
         .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
                  "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
-                 "12 interrupted, 14 a scene under test has not held.",
+                 "12 interrupted, 14 a scene under study has not held.",
         .count = NCOMMAND,
         .command = list,
     };

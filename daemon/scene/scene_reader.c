@@ -1002,7 +1002,8 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     static const char *const keys[] = {
         "scene",    "url",    "key_file",     "time",        "subsystems", "boundary_inputs",
         "models",   "ports",  "processes",    "reference",   "laws",       "guards",
-        "lockstep", "record", "observations", "live_inputs", "tap",        NULL};
+        "lockstep", "record", "observations", "live_inputs", "tap",        "start",
+        NULL};
     pm_yaml value;
     pm_scene *scene = calloc(1, sizeof *scene);
     if (scene == NULL) {
@@ -1018,6 +1019,19 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     PM_TRY_DONE(read_network(&r));
     PM_TRY_DONE(read_time(&r));
     PM_TRY_DONE(read_subsystems(&r));
+    value = pm_yaml_get(root, "start");
+    if (pm_yaml_exists(value)) { // in place of each `initial` and of the reference
+        double *z = NULL;
+        int count = 0;
+        PM_TRY_DONE(pm_yaml_doubles(value, r.arena, &count, &z));
+        if (count != scene->physics.nz) {
+            status = pm_yaml_fail(value, "expected %d numbers, found %d", scene->physics.nz, count);
+            goto done;
+        }
+        for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+            scene->physics.subsystem[i].initial = z + scene->physics.subsystem[i].first;
+        }
+    }
     PM_TRY_DONE(read_boundary_inputs(&r));
     PM_TRY_DONE(read_ports(&r));
     PM_TRY_DONE(pm_scene_read_live_inputs(&r));

@@ -9,6 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
+#include "scene/system.h"
+
 pm_status pm_scene_text_read(const char *path, char **text) {
     size_t size = 0;
     FILE *file = fopen(path, "r");
@@ -67,4 +70,27 @@ pm_status pm_scene_text_put_time(char **text, const pm_stepping *s) {
     snprintf(value, sizeof value, "{dt: %s, steps: %d, integrator: %s, substeps: %d%s}", dt,
              s->steps, s->integrator->name, s->substeps, tolerance);
     return pm_scene_text_put(text, "time", value);
+}
+
+pm_status pm_scene_text_write(const char *text, const char *path, const char *weights) {
+    pm_scene *scene = NULL;
+    pm_system *system = NULL;
+    FILE *file = NULL;
+    pm_status status;
+    PM_TRY_DONE(pm_scene_parse(&scene, text, path));
+    status = pm_system_load(&system, scene, weights);
+    if (status != PM_OK) {
+        status = pm_fail(status, "%s: a scene in another folder does not find its files: %.300s",
+                         path, pm_error());
+        goto done;
+    }
+    PM_TRY_DONE(pm_files_create(&file, path));
+    const bool written = fputs(text, file) >= 0;
+    if (fclose(file) != 0 || !written) {
+        status = pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+done:
+    pm_system_free(system);
+    pm_scene_free(scene);
+    return status;
 }

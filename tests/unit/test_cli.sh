@@ -39,7 +39,7 @@ bad=$folder/bad.yaml
 # --- the command line: 2 ---
 succeed "Commands:" --help
 succeed "portmetd " --version
-for command in run node coordinator check test; do
+for command in run node coordinator check test bench stress; do
     succeed "Usage: portmetd $command SCENE" $command --help
     succeed "Options:" $command "$scene" --help
     expect 2 "$command: expected SCENE" $command

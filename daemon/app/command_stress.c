@@ -1,0 +1,348 @@
+// portmetd stress: where does a scene break? Rollouts from starts within the training range and
+// beyond, with longer steps, other inputs, and many steps.
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/command.h"
+#include "app/prepare.h"
+#include "base/files.h"
+#include "base/journal.h"
+#include "base/options.h"
+#include "study/rollout.h"
+
+#define BUDGET 60.0     // s, by default
+#define SHARE 0.4       // of the budget that all rollouts but the long one are planned to take
+#define LONG_SHARE 0.25 // of the budget for the long one
+#define LONG 1000000    // steps of the long one
+#define TRIAL 0.1       // s of CPU time in which the cost of a step is measured
+#define MOST_STEPS 500  // of a rollout
+#define LEAST_STEPS 20  // of a rollout, however slow the scene is
+#define INSIDE 24       // starts within the training range
+#define BEYOND 6        // starts for each distance from the range
+#define WIDTHS 4        // distances: 0, 1, 2 and 3 widths of the range
+#define TRAJECTORIES 8  // of the reference among the starts
+#define LENGTHS 6       // steps: the scene's, times 2, 4, ...
+#define FACTORS 3       // inputs times 2, 4, 8
+#define MOST_CASES 512  // rollouts
+#define DRIFTS 0.01     // part of the energy moved from which the total counts as drifting
+#define BREAKS 0.1      // and as broken
+
+typedef enum verdict { GOOD, DRIFTING, BROKEN, NVERDICT } verdict;
+
+// One rollout and how it ended.
+typedef struct rollout {
+    const char *kind; // a line of the table
+    const pm_start *start;
+    pm_rollout_spec spec;
+    int length, distance; // place in the map; -1: it is not in the map
+    bool own;             // within the training range, with the scene's own settings
+    bool done, refused;   // refused: the scene does not allow this step
+    pm_rollout_result result;
+} rollout;
+
+typedef struct stress {
+    const pm_run_options *options;
+    pm_setup base;
+    char *text;
+    int count;
+    rollout *rollout; // [MOST_CASES] shared
+} stress;
+
+static verdict judge(const rollout *r) {
+    const pm_rollout_result *result = &r->result;
+    const double drift = result->moved > 0 ? result->drift / result->moved : 0;
+    return result->status != PM_OK || result->violations > 0 || drift > BREAKS ? BROKEN
+           : drift > DRIFTS                                                    ? DRIFTING
+                                                                               : GOOD;
+}
+
+static void measure(void *context, int i) {
+    stress *t = context;
+    rollout *r = &t->rollout[i];
+    pm_setup setup;
+    r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
+    if (!r->refused) {
+        pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
+    }
+    pm_setup_free(&setup);
+    r->done = true;
+}
+
+// Describes how a broken rollout ended.
+static const char *explain(const rollout *r, char *text, size_t size) {
+    const pm_rollout_result *result = &r->result;
+    if (result->status != PM_OK) {
+        snprintf(text, size, "%s", result->why);
+    } else if (result->violations > 0) {
+        snprintf(text, size, "%ld of %ld steps violate a law or have not converged",
+                 result->violations, result->steps);
+    } else {
+        snprintf(text, size, "the total energy drifts by %.2g J, where %.2g J move, in %ld steps",
+                 result->drift, result->moved, result->steps);
+    }
+    return text;
+}
+
+static pm_status report(const stress *t) {
+    const pm_run_options *options = t->options;
+    const rollout *first = NULL, *beyond = NULL; // failures
+    int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}};
+    char text[512], quoted[600];
+    for (int i = 0; i < t->count; ++i) {
+        const rollout *r = &t->rollout[i];
+        if (!r->done || r->refused) {
+            continue;
+        }
+        const verdict v = judge(r);
+        if (r->length >= 0) {
+            map[r->distance][r->length][v] += 1;
+        }
+        first = first == NULL && v == BROKEN && r->own ? r : first;
+        beyond = beyond == NULL && v == BROKEN && !r->own ? r : beyond;
+        if (options->json) {
+            pm_json_quote(quoted, sizeof quoted, v == BROKEN ? explain(r, text, sizeof text) : "");
+            printf("%s{\"kind\":\"%s\",\"widths\":%g,\"dt\":%.17g,\"factor\":%g,\"verdict\":%d,"
+                   "\"steps\":%ld,\"outside\":%ld,\"why\":%s}",
+                   i == 0 ? "{\"rollouts\":[" : ",", r->kind, r->start->widths, r->spec.stepping.dt,
+                   r->spec.factor, v, r->result.steps, r->result.outside, quoted);
+        }
+    }
+    if (options->json) {
+        printf("],\"held\":%s}\n", first == NULL ? "true" : "false");
+    } else {
+        printf("%-44s %8s %6s %9s %7s %10s %10s %8s\n", t->base.scene->name, "rollouts", "good",
+               "drifting", "broken", "drift, J", "S falls", "outside");
+    }
+    for (int i = 0; i < t->count && !options->json;) {
+        const char *kind = t->rollout[i].kind;
+        const rollout *broken = NULL;
+        int n[NVERDICT] = {0};
+        long steps = 0, outside = 0;
+        double drift = 0, fall = 0;
+        for (; i < t->count && t->rollout[i].kind == kind; ++i) {
+            const rollout *r = &t->rollout[i];
+            if (r->done && !r->refused) {
+                n[judge(r)] += 1;
+                steps += r->result.steps;
+                outside += r->result.outside;
+                drift = fmax(drift, r->result.drift);
+                fall = fmax(fall, r->result.fall);
+                broken = broken == NULL && judge(r) == BROKEN ? r : broken;
+            }
+        }
+        if (n[GOOD] + n[DRIFTING] + n[BROKEN] == 0) {
+            continue;
+        }
+        printf("%-44s %8d %6d %9d %7d %10.1e %10.1e %6.1f %%\n", kind,
+               n[GOOD] + n[DRIFTING] + n[BROKEN], n[GOOD], n[DRIFTING], n[BROKEN], drift, fall,
+               steps > 0 ? 100.0 * (double)outside / (double)steps : 0);
+        if (broken != NULL) {
+            printf("    the first: dt %g s: %s\n", broken->spec.stepping.dt,
+                   explain(broken, text, sizeof text));
+        }
+    }
+    FILE *file = NULL;
+    if (options->picture != NULL) {
+        snprintf(text, sizeof text, "%s.txt", options->picture);
+        PM_TRY(pm_files_create(&file, text));
+    }
+    for (int k = 0; k < WIDTHS; ++k) {
+        for (int l = 0; l < LENGTHS; ++l) {
+            const int *n = map[k][l], all = n[GOOD] + n[DRIFTING] + n[BROKEN];
+            if (!options->json && l == 0) {
+                printf("%s%-18s",
+                       k == 0 ? "\nMap: good/drifting/broken; to the right steps of dt "
+                                "times 1, 2, 4, ...\n"
+                              : "",
+                       k == 0   ? "  in the range"
+                       : k == 1 ? "  1 width beyond"
+                       : k == 2 ? "  2 widths beyond"
+                                : "  3 widths beyond");
+            }
+            if (!options->json) {
+                snprintf(text, sizeof text, all == 0 ? "-" : "%d/%d/%d", n[GOOD], n[DRIFTING],
+                         n[BROKEN]);
+                printf(" %10s%s", text, l == LENGTHS - 1 ? "\n" : "");
+            }
+            if (file != NULL) {
+                fprintf(file, "%g%s",
+                        all == 0 ? NAN : (0.5 * n[DRIFTING] + n[BROKEN]) / (double)all,
+                        l == LENGTHS - 1 ? "\n" : " ");
+            }
+        }
+    }
+    if (file != NULL) {
+        fclose(file);
+        char body[1024];
+        snprintf(
+            body, sizeof body,
+            "set palette defined (0 '#009e73', 0.5 '#e69f00', 1 '#d55e00')\nset cbrange [0:1]\n"
+            "set xlabel 'dt, times 2 to this power'\nset ylabel 'widths beyond the training "
+            "range'\nset title 'good (0), drifting (0.5), broken (1)'\n"
+            "plot '%s.txt' matrix with image notitle",
+            options->picture);
+        PM_TRY(pm_rollout_draw(options->picture, body));
+    }
+    const rollout *shown = first != NULL ? first : beyond;
+    if (options->write != NULL && shown != NULL) {
+        // A scene that begins as the rollout did, with its steps.
+        char *scene = strdup(t->text), *value = NULL;
+        size_t size;
+        FILE *list = open_memstream(&value, &size);
+        for (int i = 0; list != NULL && i < t->base.scene->physics.nz; ++i) {
+            fprintf(list, "%s%.17g%s", i == 0 ? "[" : ", ", shown->start->z[i],
+                    i == t->base.scene->physics.nz - 1 ? "]" : "");
+        }
+        pm_status status = list == NULL || fclose(list) != 0 || scene == NULL
+                               ? pm_fail(PM_ENOMEM, "out of memory for a scene")
+                               : pm_scene_text_put_time(&scene, &shown->spec.stepping);
+        if (status == PM_OK) {
+            status = pm_scene_text_put(&scene, "start", value);
+        }
+        // Its times are no multiples of another dt.
+        if (status == PM_OK && shown->spec.stepping.dt != t->base.scene->physics.dt) {
+            status = pm_scene_text_put(&scene, "reference", NULL);
+        }
+        if (status == PM_OK) {
+            status = pm_scene_text_write(scene, options->write, options->weights);
+        }
+        free(scene);
+        free(value);
+        PM_TRY(status);
+        if (!options->json) {
+            printf("\n%s repeats: %s, dt %g s: `portmetd run %s --in-process`\n", options->write,
+                   shown->kind, shown->spec.stepping.dt, options->write);
+        }
+    }
+    if (first != NULL) {
+        return pm_fail(PM_EBROKEN, "stress: %s: %s", first->kind,
+                       explain(first, text, sizeof text));
+    }
+    if (!options->json) {
+        printf("\nThe scene's own settings held from every start inside the training range.\n");
+    }
+    return PM_OK;
+}
+
+static void add(stress *t, const char *kind, const pm_start *start, const pm_stepping *stepping,
+                double times, int length, int distance) {
+    if (t->count < MOST_CASES) {
+        rollout *r = &t->rollout[t->count++];
+        *r = (rollout){.kind = kind, .start = start, .length = length, .distance = distance};
+        r->spec = (pm_rollout_spec){.stepping = *stepping, .factor = 1};
+        r->spec.stepping.dt = times * stepping->dt;
+        r->own = times == 1 && start->widths == 0;
+    }
+}
+
+static pm_status execute(const pm_run_options *options) {
+    static const char *const distance[WIDTHS] = {
+        "starts within the training range", "starts up to 1 width beyond",
+        "starts up to 2 widths beyond", "starts up to 3 widths beyond"};
+    static const char *const longer[LENGTHS] = {"",           "dt times 2",  "dt times 4",
+                                                "dt times 8", "dt times 16", "dt times 32"};
+    static const char *const larger[FACTORS] = {"inputs times 2", "inputs times 4",
+                                                "inputs times 8"};
+    static const char *const drives[PM_NDRIVE] = {"", "inputs vanish in the middle",
+                                                  "inputs jump every ten steps",
+                                                  "inputs change their sign every step"};
+    stress t = {.options = options};
+    pm_start start[WIDTHS][INSIDE];
+    int nstart[WIDTHS];
+    double budget = BUDGET;
+    pm_rollout_result trial;
+    pm_status status;
+    PM_TRY_DONE(options->budget == NULL
+                    ? PM_OK
+                    : pm_options_positive("--budget", options->budget, &budget));
+    PM_TRY_DONE(pm_options_output("--write", options->write));
+    PM_TRY_DONE(pm_options_output("--picture", options->picture));
+    PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
+    PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
+    const pm_physics *physics = &t.base.scene->physics;
+    pm_stepping own = {physics->integrator, physics->substeps, physics->tolerance, physics->dt,
+                       t.base.scene->run.steps};
+    t.rollout = pm_rollout_shared(MOST_CASES, sizeof *t.rollout);
+    for (int k = 0; k < WIDTHS; ++k) {
+        nstart[k] = pm_rollout_starts(&t.base, (uint64_t)options->seed + 1 + (uint64_t)k,
+                                      k == 0 ? TRAJECTORIES : 0, k == 0 ? INSIDE : BEYOND + 1, k,
+                                      &t.base.arena, start[k]);
+        if (t.rollout == NULL || nstart[k] < 1) {
+            status = pm_fail(PM_ENOMEM, "out of memory for a stress test");
+            goto done;
+        }
+    }
+    const pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};
+    pm_rollout_run(&t.base, &start[0][0], &spec, NULL, &trial);
+    const double cost = trial.steps > 0 ? trial.seconds / (double)trial.steps : TRIAL;
+    const int most = INSIDE + (WIDTHS - 1) * BEYOND + (LENGTHS - 1) * (BEYOND + WIDTHS * BEYOND);
+    const double fit = SHARE * budget / (cost * most);
+    own.steps = options->steps > 0  ? (int)options->steps
+                : fit < LEAST_STEPS ? LEAST_STEPS
+                : fit > MOST_STEPS  ? MOST_STEPS
+                                    : (int)fit;
+    if (t.base.boundary_input.end < own.steps) {
+        own.steps = (int)t.base.boundary_input.end;
+    }
+    for (int k = 0; k < WIDTHS; ++k) { // what is beyond begins after the scene's own start
+        for (int i = k > 0; i < nstart[k]; ++i) {
+            add(&t, distance[k], &start[k][i], &own, 1, i < BEYOND + (k > 0) ? 0 : -1, k);
+        }
+    }
+    for (int l = 1; l < LENGTHS; ++l) {
+        for (int k = 0; k < WIDTHS; ++k) {
+            for (int i = k > 0; i < nstart[k] && i < BEYOND + (k > 0); ++i) {
+                add(&t, longer[l], &start[k][i], &own, 1 << l, l, k);
+            }
+        }
+    }
+    for (int f = 0; f < FACTORS && physics->nboundary_input > 0; ++f) {
+        for (int i = 0; i < nstart[0] && i < BEYOND; ++i) {
+            add(&t, larger[f], &start[0][i], &own, 1, -1, 0);
+            t.rollout[t.count - 1].spec.factor = 2 << f;
+            t.rollout[t.count - 1].own = false;
+        }
+    }
+    for (int d = 1; d < PM_NDRIVE && physics->nboundary_input > 0; ++d) {
+        for (int i = 0; i < nstart[0] && i < BEYOND; ++i) {
+            add(&t, drives[d], &start[0][i], &own, 1, -1, 0);
+            t.rollout[t.count - 1].spec.drive = (pm_drive)d;
+            t.rollout[t.count - 1].own = false;
+        }
+    }
+    if (t.base.boundary_input.end > LONG) {
+        own.steps = LONG;
+        add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
+        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
+    }
+    PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, budget, "stress", options->stop));
+    status = report(&t);
+done:
+    free(t.text);
+    pm_setup_free(&t.base);
+    return status;
+}
+
+const pm_command pm_command_stress = {
+    .name = "stress",
+    .summary = "find where a scene breaks",
+    .arguments = "SCENE",
+    .help =
+        "Runs the scene in one process from starts within the training range and up to three "
+        "widths\n"
+        "of it beyond, with steps of 2, 4, ... 32 times the length, with inputs that are larger,\n"
+        "vanish, jump or change their sign in every step, and for up to a million steps. Prints "
+        "for\n"
+        "each kind how many rollouts were good, drifted (the total energy by more than 1 % of the\n"
+        "energy that moves) or broke (an error, a violated law, no convergence, a drift of 10 %),\n"
+        "the largest drift and fall of the entropy, the steps outside the training range, and a "
+        "map\n"
+        "of start and step. --write writes the scene of the first failure, with its start. The "
+        "same\n"
+        "--seed takes the same starts. Exit code 14: the scene's own settings did not hold within\n"
+        "the training range.",
+    .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY,
+    .execute = execute,
+};

@@ -1,0 +1,269 @@
+// Rollouts in child processes that take one task after another.
+#include "study/rollout.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "base/child.h"
+#include "base/files.h"
+#include "base/progress.h"
+#include "base/rng.h"
+#include "model/training_range.h"
+
+#define LOOK 20000000   // ns between two looks at the workers
+#define MOST_WORKERS 64 // processes
+#define TURN 10         // steps of a jump
+
+pm_status pm_rollout_open(pm_setup *setup, const pm_setup *base, const char *text,
+                          const pm_stepping *stepping) {
+    pm_scene *scene = NULL;
+    char *changed = strdup(text);
+    *setup = (pm_setup){0};
+    pm_status status = changed == NULL ? pm_fail(PM_ENOMEM, "out of memory for a scene") : PM_OK;
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(pm_scene_text_put_time(&changed, stepping));
+    PM_TRY_DONE(pm_scene_parse(&scene, changed, base->scene->path));
+    PM_TRY_DONE(pm_setup_open(setup, scene, base->weights));
+    bool follows = false;
+    for (int i = 0; i < scene->physics.nboundary_input; ++i) {
+        const pm_scene_boundary_input *input = &scene->physics.boundary_input[i];
+        for (int k = 0; k < 3 * input->layout.nz; ++k) {
+            follows = follows || input->value[k].column != NULL;
+        }
+    }
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        scene->physics.subsystem[i].initial = base->initial + scene->physics.subsystem[i].first;
+    }
+    scene->run.reference = follows ? scene->run.reference : NULL;
+    PM_TRY_DONE(pm_setup_complete(setup, PM_TO_SERVE));
+done:
+    free(changed);
+    return status;
+}
+
+static double cpu_clock(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spec *spec, double *z,
+                    pm_rollout_result *result) {
+    const pm_physics *physics = &setup->scene->physics;
+    const size_t nz = (size_t)physics->nz, ninput = (size_t)setup->boundary_input.n;
+    const bool driven = ninput > 0 && (spec->drive != PM_DRIVE_PLAIN || spec->factor != 1);
+    double *held = calloc(2 * ninput + 1, sizeof *held), *value = held + ninput;
+    double *first = calloc((size_t)physics->nsubsystem, sizeof *first);
+    pm_local_run run = {0};
+    *result = (pm_rollout_result){0};
+    if (setup->reference != NULL && start->trajectory >= 0) {
+        pm_boundary_input_follow(&setup->boundary_input, setup->reference, start->trajectory);
+    }
+    setup->boundary_input.held = NULL;
+    pm_status status = held == NULL || first == NULL
+                           ? pm_fail(PM_ENOMEM, "out of memory for a rollout")
+                           : pm_local_run_open(&run, setup, false);
+    if (status == PM_OK) {
+        status = pm_local_run_start(&run, start->z);
+    }
+    if (status == PM_OK) {
+        memcpy(first, run.sample.energy, (size_t)physics->nsubsystem * sizeof *first);
+    }
+    const double started = cpu_clock();
+    while (status == PM_OK) {
+        const long step = run.sample.step;
+        double moved = 0, least = 0;
+        for (int i = 0; i < physics->nsubsystem; ++i) {
+            moved += fabs(run.sample.energy[i] - first[i]);
+        }
+        result->moved = fmax(result->moved, moved);
+        if (z != NULL) {
+            memcpy(z + (size_t)step * nz, run.sample.z, nz * sizeof *z);
+        }
+        if (step >= spec->stepping.steps ||
+            (spec->seconds > 0 && cpu_clock() - started > spec->seconds)) {
+            break;
+        }
+        if (driven) {
+            const bool turns = (spec->drive == PM_DRIVE_JUMP && step / TURN % 2 == 1) ||
+                               (spec->drive == PM_DRIVE_OSCILLATE && step % 2 == 1);
+            const bool off = spec->drive == PM_DRIVE_VANISH && step >= spec->stepping.steps / 2;
+            setup->boundary_input.held = NULL;
+            pm_boundary_input_at(&setup->boundary_input, step, 0.5, value);
+            for (size_t i = 0; i < ninput; ++i) {
+                const double times = off ? 0 : turns ? -spec->factor : spec->factor;
+                held[i] = times * value[i];
+            }
+            for (int k = 0; k < physics->nboundary_input; ++k) { // temperatures stay
+                const pm_scene_boundary_input *input = &physics->boundary_input[k];
+                for (int i = 0; i < 3 * input->layout.ngroup; ++i) {
+                    const pm_group *group = &input->layout.group[i % input->layout.ngroup];
+                    double *at = held + input->first + group->first +
+                                 i / input->layout.ngroup * input->layout.nz;
+                    for (int c = 0; c < group->size && strcmp(group->unit, "J/K") == 0; ++c) {
+                        at[c] = NAN;
+                    }
+                }
+            }
+            setup->boundary_input.held = held;
+        }
+        status = pm_local_run_step(&run);
+        for (int i = 0; i < physics->nsubsystem && status == PM_OK; ++i) {
+            const pm_departure departure =
+                pm_training_range_departure(pm_training_range_of(setup->system->part[i]),
+                                            run.sample.z + physics->subsystem[i].first);
+            least = fmax(least, departure.widths);
+        }
+        result->outside += least > 0;
+        result->steps += status == PM_OK;
+    }
+    result->seconds = cpu_clock() - started;
+    result->status = status;
+    snprintf(result->why, sizeof result->why, "%s", status == PM_OK ? "" : pm_error());
+    result->drift = run.ledger.energy_drift;
+    result->fall = run.ledger.worst_entropy_fall;
+    result->produced = run.ledger.entropy - run.ledger.first_entropy;
+    result->violations = run.ledger.violations;
+    setup->boundary_input.held = NULL;
+    pm_local_run_close(&run);
+    free(held);
+    free(first);
+}
+
+int pm_rollout_starts(const pm_setup *setup, uint64_t seed, int trajectories, int count,
+                      double widths, pm_arena *arena, pm_start *start) {
+    const pm_physics *physics = &setup->scene->physics;
+    const size_t nz = (size_t)physics->nz;
+    const int own = setup->reference == NULL ? -1 : setup->scene->run.reference_trajectory;
+    pm_rng rng;
+    int n = 0;
+    bool ranges = false;
+    pm_rng_init(&rng, seed, 0);
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        ranges = ranges || pm_training_range_of(setup->system->part[i]).low != NULL;
+    }
+    const int others = own < 0 ? 0 : setup->reference->ntrajectory - 1;
+    const int known = 1 + (trajectories < others ? trajectories : others);
+    for (; n < count && (n < known || ranges); ++n) {
+        double *z = pm_arena_array(arena, nz, sizeof *z);
+        if (z == NULL) {
+            return -1;
+        }
+        memcpy(z, setup->initial, nz * sizeof *z);
+        start[n] = (pm_start){.trajectory = own, .z = z};
+        if (n > 0 && n < known) {
+            start[n].trajectory =
+                (own + 1 + (int)((seed + (uint64_t)n * 7) % (uint64_t)others)) % (others + 1);
+            pm_columns_to_state(&setup->columns,
+                                pm_dataset_state(setup->reference, start[n].trajectory, 0), z);
+        }
+        start[n].widths = n < known ? 0 : widths;
+        for (int i = 0; n >= known && i < physics->nsubsystem; ++i) {
+            const pm_training_range range = pm_training_range_of(setup->system->part[i]);
+            const pm_layout *layout = &physics->subsystem[i].layout;
+            double *own_z = z + physics->subsystem[i].first;
+            for (int g = 0; g < layout->ngroup && range.low != NULL; ++g) {
+                // The group's value, or the length of a vector with a random direction.
+                const pm_group *group = &layout->group[g];
+                const double low = range.low[g], width = range.high[g] - low;
+                double size = low + width * pm_rng_uniform(&rng), length = 0;
+                if (widths > 0) { // on either side of the range
+                    const double beyond = width * widths * pm_rng_uniform(&rng);
+                    size = pm_rng_uniform(&rng) < 0.5 ? low - beyond : low + width + beyond;
+                }
+                for (int k = 0; k < group->size; ++k) {
+                    own_z[group->first + k] = pm_rng_normal(&rng);
+                    length += own_z[group->first + k] * own_z[group->first + k];
+                }
+                for (int k = 0; k < group->size; ++k) {
+                    own_z[group->first + k] =
+                        group->size == 1 ? size
+                                         : own_z[group->first + k] * fabs(size) / sqrt(length);
+                }
+            }
+        }
+    }
+    return n;
+}
+
+void *pm_rollout_shared(size_t count, size_t size) {
+    void *memory =
+        mmap(NULL, count * size + 1, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    return memory == MAP_FAILED ? NULL : memory;
+}
+
+pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, int i),
+                              void *context, double seconds, const char *label,
+                              const volatile sig_atomic_t *stop) {
+    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    const int nworker = (int)(cores < 1 ? 1 : cores > MOST_WORKERS ? MOST_WORKERS : cores);
+    atomic_int *next = pm_rollout_shared(1, sizeof *next);
+    pid_t worker[MOST_WORKERS];
+    pm_progress progress;
+    if (next == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a study");
+    }
+    fflush(NULL);
+    const pid_t parent = getpid();
+    for (int k = 0; k < nworker; ++k) {
+        worker[k] = fork();
+        if (worker[k] == 0) {
+            prctl(PR_SET_PDEATHSIG, SIGKILL);
+            for (int i = 0; getppid() == parent && (i = atomic_fetch_add(next, 1)) < count;) {
+                work(context, first + i);
+            }
+            _exit(0);
+        }
+    }
+    const double started = pm_clock();
+    int left = nworker;
+    bool ended = false;
+    pm_progress_init(&progress, label, count);
+    while (left > 0) {
+        const int done = atomic_load(next);
+        ended = *stop != 0 || pm_clock() - started > seconds;
+        left = 0;
+        for (int k = 0; k < nworker; ++k) {
+            if (worker[k] > 0 && ended) {
+                kill(worker[k], SIGKILL);
+            }
+            if (worker[k] > 0 && waitpid(worker[k], NULL, ended ? 0 : WNOHANG) != 0) {
+                worker[k] = 0;
+            }
+            left += worker[k] > 0;
+        }
+        pm_progress_update(&progress, done < count ? done : count, NULL);
+        nanosleep(&(struct timespec){.tv_nsec = left > 0 ? LOOK : 0}, NULL);
+    }
+    pm_progress_finish(&progress);
+    munmap(next, sizeof *next + 1);
+    return *stop != 0 ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
+}
+
+pm_status pm_rollout_draw(const char *name, const char *body) {
+    char path[4096];
+    FILE *file;
+    snprintf(path, sizeof path, "%s.gp", name);
+    PM_TRY(pm_files_create(&file, path));
+    fprintf(file,
+            "set terminal pngcairo size 900,650 font 'DejaVu Sans,11' background 'white'\n"
+            "set output '%s.png'\n%s\nset terminal svg size 900,650 dynamic\n"
+            "set output '%s.svg'\nreplot\n",
+            name, body, name);
+    fclose(file);
+    char *argv[] = {"gnuplot", path, NULL};
+    int code = 0;
+    const int error = pm_child_run(argv, true, &code);
+    return error == 0 && code == 0 ? PM_OK
+                                   : pm_fail(PM_EFILE, "%s: gnuplot (Debian: gnuplot-nox): %s",
+                                             path, error != 0 ? strerror(error) : "failed");
+}

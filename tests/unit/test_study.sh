@@ -1,0 +1,55 @@
+#!/bin/sh
+# test_study.sh PORTMETD MAKE_SCENE CONFIGS: `bench` finds the orders of the integrators and writes a scene with its
+# advice; `stress` finds a step that is too long for fast conduction, and the scene that it writes repeats it.
+. "$(dirname "$0")/../support/setting.sh"
+portmetd=$1 program=$1
+configs=$(realpath "$3")
+"$2" "$folder" || fail "make_scene"
+scene=$folder/scene.yaml
+
+# bench: the error falls like h^order, the advice keeps the error asked for, and the seed decides alone.
+known=$folder/known.yaml
+sed -e "s,reference/,$configs/reference/," "$configs/analytic_double_pendulum.yaml" >"$known"
+for seed in 1 1 2; do
+    "$portmetd" bench "$known" --steps 3 --budget 300 --seed $seed --json >"$folder/bench_$seed.json.new" || fail "bench --json"
+    [ ! -f "$folder/bench_$seed.json" ] || mv "$folder/bench_$seed.json" "$folder/bench_before.json"
+    mv "$folder/bench_$seed.json.new" "$folder/bench_$seed.json"
+done
+python3 - "$folder" <<'END' || fail "bench: orders"
+import json, sys
+first, before, other = (json.load(open(f"{sys.argv[1]}/bench_{name}.json")) for name in ("1", "before", "2"))
+errors = lambda bench: {(s["integrator"], s["substeps"], s["tolerance"]): s["error"] for s in bench["settings"]}
+assert errors(first) == errors(before), "the same seed, other numbers"
+assert len(errors(first)) > 60 and first["agreement"] < 1e-11, (len(errors(first)), first["agreement"])
+for name, order, coarse in ("euler", 1, 64), ("heun", 2, 32), ("rk4", 4, 8):
+    e = errors(first)
+    ratio = e[name, coarse, 0] / e[name, 2 * coarse, 0]
+    assert 0.6 < ratio / 2**order < 1.6, (name, ratio)
+advice = first["advice"]
+assert advice["error"] <= 1e-4 and advice["times_faster"] >= 1, advice
+assert errors(other) != errors(first) or first["starts"] < 3
+END
+succeed "For 1e-06 % take " bench "$scene" --steps 2 --budget 300 --error 1e-6 --write "$folder/advised.yaml"
+succeed "scene pair" check "$folder/advised.yaml"
+grep -q '^time: {dt: 0.05, steps: 2, integrator: ' "$folder/advised.yaml" || fail "bench --write: $(grep -A1 time: "$folder/advised.yaml")"
+mkdir "$folder/away"
+expect 6 "a scene in another folder" bench "$scene" --steps 2 --budget 300 --write "$folder/away/advised.yaml"
+expect 14 "no setting reaches 1e-30 %" bench "$scene" --steps 2 --budget 300 --error 1e-30
+expect 2 "--error: expected" bench "$scene" --error none
+expect 2 "--seed" bench "$scene" --seed 0
+
+# stress: conduction of 300 W/K is too fast for 4 substeps of rk4; from a start within the range.
+succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300
+sed -e 's/{K: 0.5}/{K: 300}/' -e 's/substeps: [0-9]*/substeps: 4/' -e '/^reference:/d' "$known" >"$folder/fast.yaml"
+sed -n 's/^reference: //p' "$known" | grep -q . || fail "expected a scene with a reference"
+echo "start: [1, 0.1, 0, 0, 0.02, 1, 0.2, 0, 0, 0.1]" >>"$folder/fast.yaml"
+expect 14 "stress: starts within the training range: " stress "$folder/fast.yaml" --steps 20 --budget 300 \
+    --write "$folder/broken.yaml"
+"$portmetd" run "$folder/broken.yaml" --in-process >"$folder/out" 2>"$folder/err"
+grep -Eq "became -?nan|the total energy has drifted" "$folder/out" "$folder/err" || fail "the scene that broke does not break again"
+"$portmetd" stress "$folder/fast.yaml" --steps 20 --budget 300 --json >"$folder/stress.json" 2>/dev/null
+python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert not t["held"] and len(t["rollouts"]) > 5' \
+    "$folder/stress.json" || fail "stress --json"
+sed 's/^start: .*/start: [1, 2]/' "$folder/fast.yaml" >"$folder/short.yaml"
+expect 3 "start: expected 10 numbers, found 2" check "$folder/short.yaml"
+finish
