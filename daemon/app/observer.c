@@ -28,8 +28,8 @@ struct pm_report {
     energy_entropy *flux;    // [scene->first_end[nlisted]] through the ends of their ports
     long *outside;           // [nlisted] steps outside the training range, as of the last sample
     long evaluated, skipped; // terms, likewise
-    int strayed, farthest;   // as in pm_sample
-    long farthest_steps;
+    int nout_of_range, worst_subsystem; // as in pm_sample
+    long worst_steps;
     int ncompared;        // states compared with the reference so far
     double *predicted;    // [ncolumn] the last of these states
     pm_score_sums *score; // [columns.ngroup] errors of these states
@@ -58,9 +58,9 @@ static void add_sample(pm_report *report, const pm_sample *sample) {
     report->steps = sample->step;
     report->evaluated = sample->evaluated_in_all;
     report->skipped = sample->skipped_in_all;
-    report->strayed = sample->strayed;
-    report->farthest = sample->farthest;
-    report->farthest_steps = sample->farthest_steps;
+    report->nout_of_range = sample->nout_of_range;
+    report->worst_subsystem = sample->worst_subsystem;
+    report->worst_steps = sample->worst_steps;
     for (int i = 0; i < report->nlisted; ++i) {
         report->bulk[i].energy += sample->bulk_energy[i];
         report->bulk[i].entropy += sample->bulk_entropy[i];
@@ -86,9 +86,9 @@ static void put_record(void *context, pm_serializer *serializer) {
     pm_serializer_put_int(serializer, "compared", &report->ncompared);
     pm_serializer_put_long(serializer, "evaluated", &report->evaluated);
     pm_serializer_put_long(serializer, "skipped", &report->skipped);
-    pm_serializer_put_int(serializer, "strayed", &report->strayed);
-    pm_serializer_put_int(serializer, "farthest", &report->farthest);
-    pm_serializer_put_long(serializer, "farthest steps", &report->farthest_steps);
+    pm_serializer_put_int(serializer, "strayed", &report->nout_of_range);
+    pm_serializer_put_int(serializer, "farthest", &report->worst_subsystem);
+    pm_serializer_put_long(serializer, "farthest steps", &report->worst_steps);
     for (int i = 0; i < report->nlisted; ++i) {
         pm_serializer_put_long(serializer, "outside", &report->outside[i]);
         put_sums(serializer, "bulk", &report->bulk[i]);
@@ -227,11 +227,12 @@ static void print_report(const pm_report *report, const pm_ledger *ledger, const
 
     // Nothing is said if all states were in the training range, or if the weights do not hold it.
     // Many subsystems are summed up in one line.
-    if (report->strayed > 0 && physics->nsubsystem > report->nlisted) {
+    if (report->nout_of_range > 0 && physics->nsubsystem > report->nlisted) {
         printf("\n%d of %d subsystems left the states their weights were trained on, %s on %ld of "
                "%ld steps",
-               report->strayed, physics->nsubsystem, physics->subsystem[report->farthest].name,
-               report->farthest_steps, report->steps);
+               report->nout_of_range, physics->nsubsystem,
+               physics->subsystem[report->worst_subsystem].name, report->worst_steps,
+               report->steps);
     } else {
         for (int i = 0; i < report->nlisted; ++i) {
             if (report->outside[i] > 0) {

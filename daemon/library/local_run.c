@@ -8,8 +8,8 @@ static pm_status book(pm_local_run *run) {
     run->sample = run->sums ? *pm_monolithic_sums(run->monolithic, &tally)
                             : *pm_monolithic_sample(run->monolithic);
     run->sample.live = run->setup->live;
-    return run->sums ? pm_ledger_enter(&run->ledger, &run->sample, &tally)
-                     : pm_ledger_book(&run->ledger, &run->sample);
+    return run->sums ? pm_ledger_add_sums(&run->ledger, &run->sample, &tally)
+                     : pm_ledger_add_sample(&run->ledger, &run->sample);
 }
 
 pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, bool sums) {

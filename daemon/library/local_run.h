@@ -21,15 +21,17 @@ typedef struct pm_local_run {
 
 // Opens all subsystems of a completed setup, which is borrowed, and starts at its initial state.
 // `sums` tells whether the caller needs no more of the samples than the first PM_SCENE_LISTED
-// subsystems. The caller closes, on failure too. Fails as pm_monolithic_open and pm_ledger_book do.
+// subsystems. The caller closes, on failure too. Fails as pm_monolithic_open and
+// pm_ledger_add_sample do.
 pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, bool sums);
 void pm_local_run_close(pm_local_run *run);
 
 // Starts again at step 0 from the state z [scene->nz] with an empty ledger. Fails as
-// pm_ledger_book.
+// pm_ledger_add_sample.
 pm_status pm_local_run_start(pm_local_run *run, const double *z);
 
-// Takes one step and enters it in the ledger. Fails as pm_subsystem_end_step and pm_ledger_book do.
+// Takes one step and enters it in the ledger. Fails as pm_subsystem_end_step and
+// pm_ledger_add_sample do.
 pm_status pm_local_run_step(pm_local_run *run);
 
 #endif

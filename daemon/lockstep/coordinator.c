@@ -605,9 +605,9 @@ static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     if (c->sums) {
         pm_tally *tally = pm_report_window_tally(&c->reports, sample->step);
         pm_tally_add_ports(tally, c->endpoint.system, sample, c->nbetween, c->between);
-        PM_TRY(pm_ledger_enter(&c->ledger, sample, tally));
+        PM_TRY(pm_ledger_add_sums(&c->ledger, sample, tally));
     } else {
-        PM_TRY(pm_ledger_book(&c->ledger, sample));
+        PM_TRY(pm_ledger_add_sample(&c->ledger, sample));
     }
     sample->live = pm_live_inputs_values(&c->live, sample->step - 1);
     pm_pace_note(&c->pace, sample->step, c->endpoint.now);

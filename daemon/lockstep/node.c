@@ -905,7 +905,7 @@ static const pm_flux_link *missing_link(const pm_lockstep_node *node) {
     return node->started ? pm_process_subsystems_missing(&node->subsystems, round_key(node)) : NULL;
 }
 
-void pm_lockstep_node_rest(pm_lockstep_node *node, double clock) {
+void pm_lockstep_node_begin_wait(pm_lockstep_node *node, double clock) {
     pm_vitals_rest(&node->vitals, clock - node->endpoint.presence.absent,
                    peer(node, missing_link(node)));
 }
@@ -1153,7 +1153,7 @@ pm_status pm_lockstep_run_node(pm_lockstep_node *node, const volatile sig_atomic
     double now = pm_clock();
     double next = pm_lockstep_node_poll(node, now);
     while (node->phase != PM_NODE_FINISHED) {
-        pm_lockstep_node_rest(node, pm_clock());
+        pm_lockstep_node_begin_wait(node, pm_clock());
         const pm_status status = pm_endpoint_wait(&node->endpoint, next, now, stop);
         if (status == PM_EINTERRUPTED && node->stays) {
             node->stays = false; // no other run

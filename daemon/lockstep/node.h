@@ -60,7 +60,7 @@ double pm_lockstep_node_poll(pm_lockstep_node *node, double clock);
 
 // Notes that the caller is about to wait, at the time `clock` (s, monotonic). Without such calls
 // the vitals of the node (health.h) do not contain the times that it waits for each peer.
-void pm_lockstep_node_rest(pm_lockstep_node *node, double clock);
+void pm_lockstep_node_begin_wait(pm_lockstep_node *node, double clock);
 
 // Ends the node with `code` and `message`. The node reports them to the coordinator, which ends the
 // other nodes. Does nothing if the node is ending already.

@@ -57,9 +57,9 @@ typedef struct pm_sample {
     double energy_residual, entropy_residual;
     double outside_energy, outside_entropy; // J, J/K
     long evaluated_in_all, skipped_in_all;
-    int strayed;  // subsystems that have ended steps outside the training range
-    int farthest; // the subsystem with the largest number of such steps, and this number
-    long farthest_steps;
+    int nout_of_range;   // subsystems that have ended steps outside the training range
+    int worst_subsystem; // the subsystem with the largest number of such steps, and this number
+    long worst_steps;
 } pm_sample;
 
 // Makes a sample of zeros for a scene. The caller frees it. PM_ENOMEM.

@@ -23,7 +23,7 @@
 
 // --- opening ---
 
-bool pm_contact_gap_is(const pm_system *system, int id) {
+bool pm_is_contact_gap(const pm_system *system, int id) {
     const pm_scene *scene = system->scene;
     for (int i = 0; i < scene->physics.nport; ++i) {
         const int body = scene->physics.port[i].subsystem[PM_END_A];

@@ -87,9 +87,9 @@ static bool solve(const products *p, double energy, double entropy, double *alon
     return square <= 1;
 }
 
-bool pm_invariant_projection_move(pm_invariant_projection *projection, const pm_layout *layout,
-                                  const double *start, double E, double S, const double *dE,
-                                  const double *dS, double *z) {
+bool pm_invariant_projection_newton_step(pm_invariant_projection *projection,
+                                         const pm_layout *layout, const double *start, double E,
+                                         double S, const double *dE, const double *dS, double *z) {
     const double energy = missing(projection->energy, E, projection->energy_gross);
     const double entropy = missing(projection->entropy, S, projection->entropy_gross);
     if (dE == NULL || (energy == 0 && entropy == 0)) {

@@ -45,8 +45,8 @@ void pm_invariant_projection_book(pm_invariant_projection *projection, bool firs
 //   where dE and dS are parallel, when the step did not move the state, and when the step is far
 //   too long. The totals are then set to E and S, so that later steps do not correct this
 //   difference. The ledger of the run shows it as a change of the total energy or entropy.
-bool pm_invariant_projection_move(pm_invariant_projection *projection, const pm_layout *layout,
-                                  const double *start, double E, double S, const double *dE,
-                                  const double *dS, double *z);
+bool pm_invariant_projection_newton_step(pm_invariant_projection *projection,
+                                         const pm_layout *layout, const double *start, double E,
+                                         double S, const double *dE, const double *dS, double *z);
 
 #endif

@@ -407,7 +407,7 @@ static void serialize_solid(const pm_subsystem_group *group, pm_serializer *seri
 // --- gap ---
 
 static bool is_gap(const pm_model *m, int id) {
-    return m->method->implicit && pm_contact_gap_is(m->system, id);
+    return m->method->implicit && pm_is_contact_gap(m->system, id);
 }
 
 static pm_status open_gap(pm_model *m, pm_subsystem_group *group, int width) {

@@ -223,8 +223,8 @@ PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
 
 // --- checks ---
 
-PM_SIMD_CLONES static void note_outside(const pm_group *group, double low, double high, int lanes,
-                                        const double *z, uint64_t *outside) {
+PM_SIMD_CLONES static void note_out_of_range(const pm_group *group, double low, double high,
+                                             int lanes, const double *z, uint64_t *outside) {
     const double *x = z + (ptrdiff_t)group->first * lanes;
     if (lanes == 1) {
         double sum = 0;
@@ -256,7 +256,7 @@ PM_SIMD_CLONES static void note_outside(const pm_group *group, double low, doubl
 void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint64_t *outside) {
     memset(outside, 0, (size_t)lanes * sizeof *outside);
     for (int i = 0; range.low != NULL && i < range.layout->ngroup; ++i) {
-        note_outside(&range.layout->group[i], range.low[i], range.high[i], lanes, z, outside);
+        note_out_of_range(&range.layout->group[i], range.low[i], range.high[i], lanes, z, outside);
     }
 }
 

@@ -122,12 +122,12 @@ static pm_status book_residuals(pm_ledger *ledger, pm_sample *sample, const pm_t
     return check_hard(ledger, sample, "entropy", hard_entropy, scene->run.entropy_tolerance);
 }
 
-pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
+pm_status pm_ledger_add_sums(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally) {
     sample->evaluated_in_all = (long)tally->evaluated;
     sample->skipped_in_all = (long)tally->skipped;
-    sample->strayed = (int)tally->strayed;
-    sample->farthest = (int)tally->farthest_at;
-    sample->farthest_steps = (long)tally->farthest;
+    sample->nout_of_range = (int)tally->nout_of_range;
+    sample->worst_subsystem = (int)tally->worst_subsystem;
+    sample->worst_steps = (long)tally->worst_steps;
     const bool unbalanced = book_totals(ledger, sample, tally);
     PM_TRY(book_residuals(ledger, sample, tally, unbalanced));
     // A step that is too long for the integrator: the fluxes of every component obey the laws, but
@@ -142,11 +142,11 @@ pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *
                : PM_OK;
 }
 
-pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample) {
+pm_status pm_ledger_add_sample(pm_ledger *ledger, pm_sample *sample) {
     pm_tally tally = {0};
     pm_tally_add_subsystems(&tally, ledger->system, sample);
     pm_tally_add_ports(&tally, ledger->system, sample, ledger->system->scene->physics.nport, NULL);
-    return pm_ledger_enter(ledger, sample, &tally);
+    return pm_ledger_add_sums(ledger, sample, &tally);
 }
 
 void pm_ledger_note_outside(pm_ledger *ledger, const pm_tally *tally) {

@@ -18,8 +18,8 @@
 // it are counted as the content of one more subsystem, so that the totals are those of a closed
 // system.
 //
-// Life cycle: init; enter every sample with pm_ledger_book or pm_ledger_enter, from step 0 on. The
-// ledger owns no memory.
+// Life cycle: init; enter every sample with pm_ledger_add_sample or pm_ledger_add_sums, from step 0
+// on. The ledger owns no memory.
 #ifndef PM_SIM_LEDGER_H
 #define PM_SIM_LEDGER_H
 
@@ -57,10 +57,10 @@ const char *pm_ledger_name(const pm_ledger *ledger, int place);
 // tolerance; the message names the worst one, the step and the residual. Violations of soft
 // components are only counted. PM_ENUMERIC: the total energy has drifted further than the scene's
 // guard allows.
-pm_status pm_ledger_book(pm_ledger *ledger, pm_sample *sample);
+pm_status pm_ledger_add_sample(pm_ledger *ledger, pm_sample *sample);
 // Does the same for a step that was summed up in a tally of the whole scene. Of the sample it needs
 // the step, and the fluxes into boundary inputs.
-pm_status pm_ledger_enter(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally);
+pm_status pm_ledger_add_sums(pm_ledger *ledger, pm_sample *sample, const pm_tally *tally);
 
 // Notes that somebody has changed the state after the last sample. The tally has the energy and the
 // entropy of the state since then: the difference came from the outside, so that the totals stay.

@@ -142,7 +142,7 @@ static bool move(pm_data *d, const pm_subsystem_group *group, int block, bool *m
         const int64_t lane = group->first_lane + (int64_t)block * width + l;
         const ptrdiff_t at = group->first + (ptrdiff_t)block * group->nz * width + l;
         take(group, d->stage_z + at, z);
-        moving[l] = pm_invariant_projection_move(
+        moving[l] = pm_invariant_projection_newton_step(
             &d->projection[lane], &group->part->layout, take(group, d->z + at, start), d->E[lane],
             d->S[lane], take(group, d->shown[PM_SHOWN_DE] + at, dE),
             group->S == NULL ? NULL : take(group, d->shown[PM_SHOWN_DS] + at, dS), z);

@@ -151,11 +151,12 @@ void pm_tally_add_fluxes(pm_tally *tally, int form, int count, int first, const 
 void pm_tally_add_counts(pm_tally *tally, int id, long evaluated, long skipped, long outside) {
     tally->evaluated += (double)evaluated;
     tally->skipped += (double)skipped;
-    tally->strayed += outside > 0;
+    tally->nout_of_range += outside > 0;
     const double steps = (double)outside;
-    if (steps > tally->farthest || (steps == tally->farthest && id < tally->farthest_at)) {
-        tally->farthest = steps;
-        tally->farthest_at = id;
+    if (steps > tally->worst_steps ||
+        (steps == tally->worst_steps && id < tally->worst_subsystem)) {
+        tally->worst_steps = steps;
+        tally->worst_subsystem = id;
     }
 }
 
@@ -240,11 +241,12 @@ void pm_tally_merge(pm_tally *tally, const pm_tally *other) {
     }
     tally->evaluated += other->evaluated;
     tally->skipped += other->skipped;
-    tally->strayed += other->strayed;
-    if (other->farthest > tally->farthest ||
-        (other->farthest == tally->farthest && other->farthest_at < tally->farthest_at)) {
-        tally->farthest = other->farthest;
-        tally->farthest_at = other->farthest_at;
+    tally->nout_of_range += other->nout_of_range;
+    if (other->worst_steps > tally->worst_steps ||
+        (other->worst_steps == tally->worst_steps &&
+         other->worst_subsystem < tally->worst_subsystem)) {
+        tally->worst_steps = other->worst_steps;
+        tally->worst_subsystem = other->worst_subsystem;
     }
 }
 

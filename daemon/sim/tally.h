@@ -41,9 +41,10 @@ typedef struct pm_tally {
     double top[PM_TALLY_LAWS];           // number of the largest class; 0: there is no flux
     // Element k: of the components in the k + 1 largest classes.
     pm_tally_worst worst[PM_TALLY_LAWS][2][PM_TALLY_CLASSES];
-    double evaluated, skipped;    // graphs so far
-    double strayed;               // subsystems that have ended steps outside their training ranges
-    double farthest, farthest_at; // the largest number of such steps, and the subsystem's position
+    double evaluated, skipped; // graphs so far
+    double nout_of_range;      // subsystems that have ended steps outside their training ranges
+    double worst_steps,
+        worst_subsystem; // the largest number of such steps, and the subsystem's position
 } pm_tally;
 
 #define PM_TALLY_NUMBERS ((int)(sizeof(pm_tally) / sizeof(double)))

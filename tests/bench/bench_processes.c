@@ -94,7 +94,7 @@ static pm_status run_here(bench *b) {
         PM_TRY_DONE(pm_monolithic_step(m));
         pm_tally tally;
         pm_sample sample = *pm_monolithic_sums(m, &tally);
-        PM_TRY_DONE(pm_ledger_enter(&ledger, &sample, &tally));
+        PM_TRY_DONE(pm_ledger_add_sums(&ledger, &sample, &tally));
         PM_TRY_DONE(observe(b, &sample));
     }
     print(b, "alone", b->seconds, processor_time() - b->cpu, b->steps);

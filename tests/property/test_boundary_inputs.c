@@ -127,7 +127,7 @@ static void close(boundary_inputs *l) {
 
 static void book(boundary_inputs *l) {
     pm_sample sample = *pm_monolithic_sample(l->assembly);
-    require(l, pm_ledger_book(&l->ledger, &sample));
+    require(l, pm_ledger_add_sample(&l->ledger, &sample));
     random_system_check(&l->w, "the sample's random_system", sample.outside_energy,
                         l->ledger.outside_energy, 0);
 }
@@ -162,7 +162,7 @@ static void both_laws_hold_at_boundary_inputs(void **state) {
         assert_int_equal(l.ledger.violations, l.ledger.unbalanced);
         pm_sample wrong = *sample;
         wrong.flux[2][1].energy *= 1 + 1e-9;
-        assert_int_equal(pm_ledger_book(&l.ledger, &wrong), PM_ELAW);
+        assert_int_equal(pm_ledger_add_sample(&l.ledger, &wrong), PM_ELAW);
         assert_non_null(strstr(pm_error(), "tip"));
         close(&l);
     }

@@ -88,7 +88,7 @@ static void close_subject(subject *s) {
 
 static void book(subject *s) {
     pm_sample sample = *pm_monolithic_sample(s->simulation);
-    require(pm_ledger_book(&s->ledger, &sample));
+    require(pm_ledger_add_sample(&s->ledger, &sample));
 }
 
 // Computes the state in energy variables.
@@ -362,10 +362,10 @@ static void trainer_takes_the_same_step(void **state) {
         pm_monolithic_set_state(simulation, w.z);
         pm_ledger_init(&ledger, w.system);
         pm_sample sample = *pm_monolithic_sample(simulation);
-        require(pm_ledger_book(&ledger, &sample));
+        require(pm_ledger_add_sample(&ledger, &sample));
         require(pm_monolithic_step(simulation));
         sample = *pm_monolithic_sample(simulation);
-        require(pm_ledger_book(&ledger, &sample));
+        require(pm_ledger_add_sample(&ledger, &sample));
         random_system_check(&w, "energy residual", ledger.worst_energy, 0, 1e-13);
         random_system_check(&w, "entropy residual", ledger.worst_entropy, 0, 1e-13);
         const pm_step_work work = pm_step_work_new(w.system, &arena);

@@ -158,7 +158,7 @@ static void require(pm_status status) {
 
 static void book(scene *s) {
     pm_sample sample = *pm_monolithic_sample(s->assembly);
-    require(pm_ledger_book(&s->ledger, &sample));
+    require(pm_ledger_add_sample(&s->ledger, &sample));
 }
 
 static void open(scene *s, const char *text, const double *start, const char *integrator,

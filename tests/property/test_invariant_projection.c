@@ -140,11 +140,13 @@ static void what_is_too_far_is_written_off(void **state) {
     double z[2] = {0.1, 0};
     pm_invariant_projection balance;
     pm_invariant_projection_start(&balance, 1, 0);
-    assert_true(pm_invariant_projection_move(&balance, &layout, start, 1.01, 0, dE, NULL, z));
+    assert_true(
+        pm_invariant_projection_newton_step(&balance, &layout, start, 1.01, 0, dE, NULL, z));
     random_system_check(&nameless, "x", z[0], 0.09, 1e-15);
-    assert_false(pm_invariant_projection_move(&balance, &layout, start, 1, 0, dE, NULL, z));
+    assert_false(pm_invariant_projection_newton_step(&balance, &layout, start, 1, 0, dE, NULL, z));
     assert_true(balance.energy == 1);
-    assert_false(pm_invariant_projection_move(&balance, &layout, start, 1.2, 0, dE, NULL, z));
+    assert_false(
+        pm_invariant_projection_newton_step(&balance, &layout, start, 1.2, 0, dE, NULL, z));
     random_system_check(&nameless, "x", z[0], 0.09, 1e-15);
     assert_true(balance.energy == 1.2);
 }

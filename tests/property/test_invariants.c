@@ -41,7 +41,7 @@ static void check_rollout(const pm_system *system, pm_monolithic *assembly, cons
     for (int i = 0; i <= STEPS; ++i) {
         assert_int_equal(i == 0 ? PM_OK : pm_monolithic_step(assembly), PM_OK);
         pm_sample sample = *pm_monolithic_sample(assembly);
-        assert_int_equal(pm_ledger_book(&ledger, &sample), PM_OK);
+        assert_int_equal(pm_ledger_add_sample(&ledger, &sample), PM_OK);
         drift = fmax(drift, fabs(angular_momentum(sample.z) - first));
     }
     print_message("energy %g J drifts by %.1e, angular momentum %g m kg m/s by %.1e\n",
@@ -80,7 +80,7 @@ static pm_ledger ledger_of(pm_scene *scene, pm_system *system, const char *integ
     for (int i = 0; i <= 40; ++i) {
         assert_int_equal(i == 0 ? PM_OK : pm_monolithic_step(assembly), PM_OK);
         pm_sample sample = *pm_monolithic_sample(assembly);
-        assert_int_equal(pm_ledger_book(&ledger, &sample), PM_OK);
+        assert_int_equal(pm_ledger_add_sample(&ledger, &sample), PM_OK);
     }
     pm_monolithic_close(assembly);
     return ledger;

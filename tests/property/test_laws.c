@@ -253,7 +253,7 @@ static int roll_out(const random_system *w, const pm_system *system,
             break;
         }
         if (status == PM_OK) {
-            status = pm_ledger_book(&ledger, &sample);
+            status = pm_ledger_add_sample(&ledger, &sample);
             ++step;
         }
     }

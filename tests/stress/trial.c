@@ -65,7 +65,7 @@ static pm_status book(trial *t) {
         keep_text(t->row->fault, "step %ld: a number that is not finite went by in silence%s",
                   sample.step, "");
     }
-    if (pm_ledger_book(&t->ledger, &sample) != PM_OK) {
+    if (pm_ledger_add_sample(&t->ledger, &sample) != PM_OK) {
         keep_text(t->row->fault, "step %ld: %s", sample.step, pm_error());
     }
     return pm_recording_append(t->recording, &sample);

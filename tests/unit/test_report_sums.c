@@ -94,8 +94,8 @@ static void run_here(run *r, bool sums) {
         pm_tally tally;
         require(step > 0 ? pm_monolithic_step(m) : PM_OK);
         pm_sample sample = sums ? *pm_monolithic_sums(m, &tally) : *pm_monolithic_sample(m);
-        require(sums ? pm_ledger_enter(&r->ledger, &sample, &tally)
-                     : pm_ledger_book(&r->ledger, &sample));
+        require(sums ? pm_ledger_add_sums(&r->ledger, &sample, &tally)
+                     : pm_ledger_add_sample(&r->ledger, &sample));
         keep(r, &sample);
     }
     pm_monolithic_close(m);

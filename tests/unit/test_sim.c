@@ -193,7 +193,7 @@ static void without_entropy_none_is_evaluated(void **state) {
 static pm_status book(const random_system *w, pm_ledger *ledger, const pm_flux flux[2],
                       const double bulk[4], pm_sample *sample) {
     pm_ledger_init(ledger, w->system);
-    assert_int_equal(pm_ledger_book(ledger, sample), PM_OK);
+    assert_int_equal(pm_ledger_add_sample(ledger, sample), PM_OK);
     sample->step = 1;
     sample->flux[0][0] = flux[0];
     sample->flux[0][1] = flux[1];
@@ -203,7 +203,7 @@ static pm_status book(const random_system *w, pm_ledger *ledger, const pm_flux f
     sample->bulk_entropy_gross[0] = bulk[3];
     sample->energy[0] = 2;
     sample->entropy[0] = -0.5;
-    return pm_ledger_book(ledger, sample);
+    return pm_ledger_add_sample(ledger, sample);
 }
 
 static void ledger_finds_violations(void **state) {
@@ -319,7 +319,7 @@ static void exchange_is_measured(void **state) {
         for (int i = 0; i < STEPS; ++i) {
             step(assembly);
             pm_sample sample = *pm_monolithic_sample(assembly);
-            assert_int_equal(pm_ledger_book(&ledger, &sample), PM_OK);
+            assert_int_equal(pm_ledger_add_sample(&ledger, &sample), PM_OK);
             const pm_flux *a = &sample.flux[0][0], *b = &sample.flux[0][1];
             assert_true(a->energy_gross > 0 && b->energy_gross > 0);
             random_system_check(

@@ -135,7 +135,7 @@ static void book(pm_rollout *rollout, pm_monolithic *assembly) {
     memcpy(rollout->nout_of_range, sample.outside,
            (size_t)rollout->ledger.system->scene->physics.nsubsystem *
                sizeof *rollout->nout_of_range);
-    if (pm_ledger_book(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
+    if (pm_ledger_add_sample(&rollout->ledger, &sample) != PM_OK && rollout->violation[0] == 0) {
         snprintf(rollout->violation, sizeof rollout->violation, "trajectory %d: %.200s",
                  rollout->trajectory, pm_error());
     }

@@ -163,14 +163,14 @@ static pm_status run(bench *b, pm_monolithic *m, row *r) {
     pm_ledger_init(&ledger, b->system);
     membrane_start(&b->membrane, b->z);
     pm_monolithic_set_state(m, b->z);
-    PM_TRY(pm_ledger_book(&ledger, (pm_sample *)pm_monolithic_sample(m)));
+    PM_TRY(pm_ledger_add_sample(&ledger, (pm_sample *)pm_monolithic_sample(m)));
     r->seconds = r->rates = 0;
     for (int i = 0; i < STEPS; ++i) {
         r->rates += pm_monolithic_substeps(m) * b->scene->physics.integrator->nstage;
         const double before = bench_clock();
         PM_TRY(pm_monolithic_step(m));
         r->seconds += bench_clock() - before;
-        PM_TRY(pm_ledger_book(&ledger, (pm_sample *)pm_monolithic_sample(m)));
+        PM_TRY(pm_ledger_add_sample(&ledger, (pm_sample *)pm_monolithic_sample(m)));
     }
     r->error = error_of(b, pm_monolithic_sample(m)->z);
     r->drift = ledger.energy_drift;
