@@ -9,6 +9,7 @@
 #include "app/prepare.h"
 #include "model/operator.h"
 #include "model/site.h"
+#include "model/training_range.h"
 #include "scene/model_reader.h"
 #include "sim/contact_broadphase.h"
 #include "sim/local_subsystems.h"
@@ -223,8 +224,17 @@ static void print_port(const pm_setup *setup, int i) {
     printf("\nport %s (%s, %s)\n", port->name, port->law, form_name(model->spec.form));
     for (int end = 0; end < 2; ++end) {
         printf("  end %c      %s exposes", 'a' + end, pm_scene_end_name(scene, port, end));
-        for (int group = 0; group < port->layout[end].ngroup; ++group) {
-            printf(" %s", port->layout[end].group[group].name);
+        const int id = port->subsystem[end];
+        const pm_part *part = id < 0 ? NULL : setup->system->part[id];
+        for (int g = 0; g < port->layout[end].ngroup; ++g) {
+            const pm_group *group = &port->layout[end].group[g];
+            printf(" %s", group->name);
+            if (part != NULL && pm_training_range_of(part).low != NULL) {
+                const pm_training_range range = pm_training_range_of(part);
+                const ptrdiff_t at =
+                    pm_layout_find(&part->layout, group->name) - part->layout.group;
+                printf(" (trained on %.3g to %.3g %s)", range.low[at], range.high[at], group->unit);
+            }
         }
         printf("\n");
     }
@@ -233,6 +243,19 @@ static void print_port(const pm_setup *setup, int i) {
     print_model(known, known ? pm_port_spec_write(&model->spec, &arena) : NULL, &model->params,
                 setup->system->component[scene->physics.nsubsystem + i].provenance);
     pm_arena_free(&arena);
+    const pm_component *component = setup->system->component;
+    const pm_provenance *of = component[scene->physics.nsubsystem + i].provenance;
+    for (int end = 0; end < 2 && of->path != NULL; ++end) {
+        const int id = port->subsystem[end];
+        const pm_provenance *other = id < 0 ? NULL : component[id].provenance;
+        if (other != NULL && other->path != NULL) {
+            const bool together = strcmp(of->command, other->command) == 0 &&
+                                  strcmp(of->data, other->data) == 0 && of->seed == other->seed;
+            printf("  end %c      %s was learned %s\n", 'a' + end,
+                   pm_scene_end_name(scene, port, end),
+                   together ? "together with this port" : "without this port, by another fit");
+        }
+    }
     print_alike_count(scene->physics.nport, setup->system->port_owner, i, "ports");
 }
 

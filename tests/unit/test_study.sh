@@ -52,4 +52,11 @@ python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert not t["he
     "$folder/stress.json" || fail "stress --json"
 sed 's/^start: .*/start: [1, 2]/' "$folder/fast.yaml" >"$folder/short.yaml"
 expect 3 "start: expected 10 numbers, found 2" check "$folder/short.yaml"
+
+# check says on which range each end was trained, and which parts were learned together.
+"$portmetd" check "$configs/double_pendulum.yaml" >"$folder/out" || fail "check"
+[ "$(grep -c 'was learned together with this port$' "$folder/out")" -eq 2 ] || fail "check: who was learned together"
+grep -Eq '^  end b      lower exposes q \(trained on 0\.[0-9]* to [0-9.]* m\) p \(' "$folder/out" || fail "check: ranges of an end"
+"$portmetd" check "$configs/driven_double_pendulum.yaml" >"$folder/out" || fail "check"
+grep -q 'upper was learned without this port, by another fit$' "$folder/out" || fail "check: who was learned apart"
 finish
