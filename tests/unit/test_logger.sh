@@ -44,7 +44,8 @@ succeed "angle [rad]: a position, whose rate is angle_rate, which nobody measure
 grep -q "angle_rate \[rad/s\]: a co-energy; nothing shows its scale, which is 1" "$folder/out" || fail "propose: no scale is known"
 grep -q "^noise: estimated" "$folder/swing/training.yaml" || fail "propose: the angle has noise"
 succeed "angle: residual 0.00" fit "$folder/swing/training.yaml" -o "$folder/swing/weights"
-grep -qE "system.cos1_angle = -(8.[89]|9.[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
+grep -q -- "- \"10\*cos1_angle\*cos" "$folder/swing/training.yaml" || fail "propose: numbers are about 1"
+grep -qE "system.cos1_angle = -0?(.8[89]|.9[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 
 # A sledge of which only the place is known: its velocity is hidden, and its mass follows from the force.
 for i in 1 2 3 4 5; do
@@ -86,6 +87,46 @@ succeed "h1: residual" fit "$folder/tanks/training.yaml" -o "$folder/tanks/weigh
 succeed "Starts estimated" evaluate "$folder/tanks/scene.yaml" --weights "$folder/tanks/weights" --data "$folder/tanks_4.csv"
 awk '$1 == "h1" || $1 == "h2" { n += $2 < 1 } END { exit n != 2 }' "$folder/out" || fail "evaluate: expected errors below 1 %"
 expect 2 'the tables have no column "z"' propose --data "$folder"/motor_?.csv --part a=i --part b=w,z -o "$folder/x"
+
+# A switched converter with a coil that saturates and a diode: the input changes how current and voltage move each
+# other, and the supply is a constant that no column shows.
+for i in 1 2 3 4 5 6; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); u = 12 + 6*rand(); i = 1 + rand(); print "t [ms],u [V],i [A],d [1]"
+        for (k = 0; k < 150; k++) {
+            if (k % 15 == 0) d = 0.1 + 0.4*rand()
+            printf "%.3f,%.12g,%.12g,%.6g\n", 0.1*k, u, i, d
+            for (j = 0; j < 100; j++) {
+                h = 1e-6; L = 1e-3*(0.4 + 1/(1 + i*i/4))
+                a = ((1 - d)*i - u/20)/1e-4; b = (12 - 0.3*i - (1 - d)*u)/L
+                um = u + h/2*a; im = i + h/2*b; L = 1e-3*(0.4 + 1/(1 + im*im/4))
+                u += h*((1 - d)*im - um/20)/1e-4; i += h*(12 - 0.3*im - (1 - d)*um)/L
+            }
+        }
+    }' >"$folder/boost_$i.csv"
+done
+succeed "d [1]: an input" propose --data "$folder"/boost_?.csv --inputs d -o "$folder/boost"
+grep -q "turns_d_u_i\*b.dE.x" "$folder/boost/training.yaml" || fail "propose: the input turns one into the other"
+succeed "Verdict: good" fit "$folder/boost/training.yaml" -o "$folder/boost/weights"
+
+# A crank: its inertia depends on the angle, and so does the lever of a force.
+for i in 1 2 3 4 5 6; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 6*rand() - 3; w = 4*rand() - 2; print "t [s],q [rad],w [rad/s],F [N]"
+        for (k = 0; k < 150; k++) {
+            if (k % 15 == 0) F = 16*rand() - 8
+            printf "%.3f,%.12g,%.12g,%.6g\n", 0.02*k, q, w, F
+            for (j = 0; j < 200; j++) {
+                h = 1e-4; J = 0.03 + 0.02*sin(q)^2
+                w += h*(0.1*F*sin(q) - 0.02*sin(q)*cos(q)*w*w - 0.02*w)/J; q += h*w
+            }
+        }
+    }' >"$folder/crank_$i.csv"
+done
+succeed "F [N]: an input; moves" propose --data "$folder"/crank_?.csv --inputs F -o "$folder/crank"
+grep -q "sin1_F_w_by_q\*sin(1\*a.q)" "$folder/crank/training.yaml" || fail "propose: the lever of the force turns"
+grep -q "exp(0 + .*cos2_w_by_q.*w^2/2" "$folder/crank/training.yaml" || fail "propose: inertia depends on the angle"
+succeed "Verdict: good" fit "$folder/crank/training.yaml" -o "$folder/crank/weights"
 
 # Mistakes are told.
 expect 2 'the tables have no column "x"' propose --data "$folder/motor/data.h5" --inputs u,x -o "$folder/x"

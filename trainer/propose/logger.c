@@ -29,8 +29,9 @@
 static void describe(const pm_logger_view *v) {
     static const char *const kinds[] = {"a position", "a co-energy", "a temperature", "a level",
                                         "an input"};
-    static const char *const effects[] = {"drives", "moves, with a learned factor,", "heats",
-                                          "heats, with a learned factor,", "is a bath of"};
+    static const char *const effects[] = {"drives",       "moves, with a learned factor,",
+                                          "heats",        "heats, with a learned factor,",
+                                          "is a bath of", "acts through a resistance on"};
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
@@ -218,6 +219,58 @@ static void print_trials(const hidden_search *s, FILE *f) {
     }
 }
 
+// The choices among laws that the columns leave, for the search.
+typedef struct law_choices {
+    const pm_logger_draft *draft;
+    const char *before; // lines of a comment
+    pm_hypotheses space;
+    pm_logger_choice choice[PM_SEARCH_CHOICES]; // [space.count]
+} law_choices;
+
+static pm_status write_alternative(void *context, const int *chosen, const char *comment,
+                                   const char *path) {
+    const law_choices *laws = context;
+    int all[PM_LOGGER_NCHOICE] = {0};
+    for (int i = 0; i < laws->space.count; ++i) {
+        all[laws->choice[i]] = chosen[i];
+    }
+    char *text = NULL;
+    pm_status status = asprintf(&text, "%s%s", laws->before, comment) < 0
+                           ? pm_fail(PM_ENOMEM, "out of memory for a comment")
+                           : pm_logger_write_training(laws->draft, all, text, path);
+    free(text);
+    return status;
+}
+
+// Writes the training file of the laws that short fits prefer. Fits of noisy columns are too
+// long to be tried: there the laws that are believed first have all parts, and the fit says
+// which remain.
+static pm_status choose_laws(const pm_logger_draft *draft, const pm_logger_hints *hints,
+                             const char *before, const char *path) {
+    const pm_logger_view *v = &draft->view;
+    const bool measured = v->noisy || !v->even || !v->complete || v->hides;
+    const pm_search_how how = {
+        .budget = measured ? 0 : hints->budget, .loud = true, .stop = hints->stop};
+    law_choices *laws = calloc(1, sizeof *laws);
+    if (laws == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a search");
+    }
+    *laws = (law_choices){
+        .draft = draft, .before = before, .space = {.write = write_alternative, .context = laws}};
+    for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
+        const char *name;
+        const char *const *alternative;
+        const int count = pm_logger_alternatives(v, (pm_logger_choice)k, &name, &alternative);
+        const int id = pm_hypotheses_add(&laws->space, name, count, alternative);
+        if (id >= 0) {
+            laws->choice[id] = (pm_logger_choice)k;
+        }
+    }
+    const pm_status status = pm_search_run(&laws->space, &how, path);
+    free(laws);
+    return status;
+}
+
 pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, const char *folder) {
     pm_logger_hints own = *hints;
     pm_logger_draft draft = {.seed = hints->seed};
@@ -260,9 +313,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     scene_path = realpath(scene, NULL);
     PM_TRY_DONE(scene_path == NULL ? pm_fail(PM_EFILE, "%s: cannot be read", scene) : PM_OK);
     draft.scene_path = scene_path;
-    const int chosen[PM_LOGGER_NCHOICE] = {0};
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
-    PM_TRY_DONE(pm_logger_write_training(&draft, chosen, text, training));
+    PM_TRY_DONE(choose_laws(&draft, &own, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {

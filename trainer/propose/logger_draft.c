@@ -14,6 +14,7 @@
 #define MOST_SUBSTEPS 32
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define ITERATIONS 400
+#define TRIES 2             // draws of the first weights of a fit of noisy data
 #define ESTIMATED_PART 0.05 // of a trajectory: from it follows its start
 #define FEWEST_SAMPLES 20   // likewise
 #define BATCH 4096
@@ -37,12 +38,25 @@ static bool acts_on(const pm_logger_view *v, int input, int part) {
     for (int a = 0; a < v->naction; ++a) {
         acts = acts || (v->action[a].input == input && v->column[v->action[a].target].part == part);
     }
+    for (int k = 0; k < v->nconverter; ++k) {
+        acts =
+            acts || (v->converter[k].input == input && v->column[v->converter[k].one].part == part);
+    }
     return acts;
 }
 
 // The levels of a part exchange fluid if there are several; it then falls from one to the next.
 static bool falls(const pm_logger_view *v, int part) {
     return pm_logger_count(v, part, PM_LOGGER_LEVEL) > 1;
+}
+
+// Returns true if something constant moves a co-energy of the part, or of any part if it is -1.
+static bool pushed(const pm_logger_view *v, int part) {
+    bool some = false;
+    for (int c = 0; c < v->nvariable; ++c) {
+        some = some || (v->pushes[c] && (part < 0 || v->column[c].part == part));
+    }
+    return some;
 }
 
 // Returns true if the input has one of two effects on this part, or on any part if it is -1.
@@ -60,9 +74,11 @@ static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_e
 
 // Lists the groups of the boundary input of an input: x carries energy, s entropy.
 static const char *groups_of(const pm_logger_view *v, int input, int part) {
-    return has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH)     ? "s"
-           : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ? "x, s"
-                                                                          : "x";
+    return has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? "s"
+           : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ||
+                   has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_THROUGH)
+               ? "x, s"
+               : "x";
 }
 
 // --- choices ---
@@ -75,13 +91,16 @@ typedef struct choice {
 } choice;
 
 static const choice choices[PM_LOGGER_NCHOICE] = {
-    {"friction", 4, {"linear, quadratic and dry", "linear and quadratic", "linear", "learned"}},
+    {"friction",
+     4,
+     {"linear, quadratic and dry, with bends", "linear, quadratic and dry", "linear and quadratic",
+      "linear"}},
     {"energy of positions", 2, {"a sum over positions", "a network of all positions"}},
     {"inertia", 2, {"a network of positions", "constant"}},
     {"capacities", 2, {"of what they hold", "constant"}},
     {"conduction",
-     4,
-     {"constant, radiation and convection", "constant and convection", "constant", "learned"}},
+     3,
+     {"constant, radiation and convection", "constant and convection", "constant"}},
     {"flow between levels", 2, {"powers of levels", "learned"}}};
 
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
@@ -126,11 +145,20 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
         bool exposed = v->column[c].part == part;
         if (input < 0) {
             const pm_logger_kind kind = v->column[c].kind;
-            exposed = exposed && (kind == PM_LOGGER_FLOW || kind == PM_LOGGER_LEVEL || v->leaks[c]);
+            exposed =
+                exposed && (kind == PM_LOGGER_FLOW || kind == PM_LOGGER_LEVEL || v->leaks[c] ||
+                            (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {
-                target = target || (v->action[a].input == input && v->action[a].target == c);
+                target =
+                    target || (v->action[a].input == input &&
+                               (v->action[a].target == c ||
+                                (v->action[a].lever && v->column[c].kind == PM_LOGGER_POSITION)));
+            }
+            for (int k = 0; k < v->nconverter; ++k) {
+                target = target || (v->converter[k].input == input &&
+                                    (v->converter[k].one == c || v->converter[k].other == c));
             }
             exposed = exposed && target;
         }
@@ -207,6 +235,9 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n",
                 v->bath);
     }
+    if (pushed(v, -1)) {
+        fputs("    x: {unit: J, dE: [1], dS: [0]}   # what is constant outside\n", f);
+    }
     if (level) {
         fprintf(
             f,
@@ -225,9 +256,12 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             fprintf(f, "  %s_source: {s: {unit: J/K, dE: [\"%s\"], dS: [1], hold: %s}}\n",
                     input->name, input->source, hold);
         } else if (acts) {
-            fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"], hold: %s}\n",
-                    input->name, unit, input->source, hold);
-            fputs(strlen(groups) > 1 ? "    s: {unit: J/K, dE: [0], dS: [1]}\n" : "", f);
+            const bool through = has_effect(v, u, -1, PM_LOGGER_THROUGH, PM_LOGGER_THROUGH);
+            fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"]%s, hold: %s}\n",
+                    input->name, unit, input->source, through ? ", dS: [0]" : "", hold);
+            if (strlen(groups) > 1) {
+                fprintf(f, "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n", through ? v->bath : 0.0);
+            }
         }
     }
     fputs(surroundings || v->naction > 0 || v->nport > 0 ? "ports:\n" : "", f);
@@ -261,8 +295,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     "{%s: [",
                     v->part[i], v->part[i], v->part[i]);
             write_exposed(f, v, i, -1);
-            fprintf(f, "], surroundings: [s%s]}\n    weights: weights/%s_losses.h5\n",
-                    falls(v, i) ? ", z" : "", v->part[i]);
+            fprintf(f, "], surroundings: [s%s%s]}\n    weights: weights/%s_losses.h5\n",
+                    falls(v, i) ? ", z" : "", pushed(v, i) ? ", x" : "", v->part[i]);
         }
         for (int u = v->nvariable; u < v->ncolumn; ++u) {
             if (acts_on(v, u, i)) {
@@ -304,45 +338,40 @@ static void write_part(pm_logger_writer *w, int part) {
     }
     fputs(some ? "]}\n" : "", w->model);
     pm_logger_write_reversible(w, part);
-    // Conduction between the temperatures.
+    // Conduction between the temperatures, and what heats them.
     some = false;
     for (int i = 0; i < w->v->nvariable; ++i) {
-        for (int j = i + 1; j < w->v->nvariable; ++j) {
-            if (!pm_logger_is(w->v, i, part, PM_LOGGER_TEMPERATURE) ||
-                !pm_logger_is(w->v, j, part, PM_LOGGER_TEMPERATURE)) {
-                continue;
-            }
-            const char *a = w->v->column[i].name, *b = w->v->column[j].name;
-            if (w->chosen[PM_LOGGER_CONDUCTION] == LEARNED_CONDUCTION) {
-                fprintf(w->model,
-                        "%s{acts_on: [%s, %s], strength: {features: [%s, %s], hidden: [4], skip: "
-                        "linear}}",
-                        some ? ", " : "    irreversible: {learned: ", a, b, a, b);
+        for (int j = 0; j < w->v->nvariable; ++j) {
+            const bool own = pm_logger_is(w->v, j, part, PM_LOGGER_TEMPERATURE);
+            if (own && w->v->warms[i][j]) {
+                fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [",
+                      w->model);
                 some = true;
-                continue;
+                pm_logger_write_friction(w, i, j);
+            } else if (own && j > i && pm_logger_is(w->v, i, part, PM_LOGGER_TEMPERATURE)) {
+                const char *a = w->v->column[i].name, *b = w->v->column[j].name;
+                char both[PM_LOGGER_TEXT], da[PM_LOGGER_TEXT], db[PM_LOGGER_TEXT];
+                snprintf(both, sizeof both, "%.40s_%.40s", a, b);
+                snprintf(da, sizeof da, "dE.%.40s", a);
+                snprintf(db, sizeof db, "dE.%.40s", b);
+                fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [",
+                      w->model);
+                some = true;
+                pm_logger_write_conduction(w, both, a, b, da, db,
+                                           w->v->column[i].inertia * fabs(w->v->coupling[i][j]));
             }
-            char both[PM_LOGGER_TEXT], da[PM_LOGGER_TEXT], db[PM_LOGGER_TEXT];
-            snprintf(both, sizeof both, "%.40s_%.40s", a, b);
-            snprintf(da, sizeof da, "dE.%.40s", a);
-            snprintf(db, sizeof db, "dE.%.40s", b);
-            fputs(some ? ", " : "    irreversible: {given: [", w->model);
-            some = true;
-            pm_logger_write_conduction(w, both, a, b, da, db,
-                                       w->v->column[i].inertia * fabs(w->v->coupling[i][j]));
         }
     }
-    fputs(!some                                                   ? ""
-          : w->chosen[PM_LOGGER_CONDUCTION] == LEARNED_CONDUCTION ? "}\n"
-                                                                  : "]}\n",
-          w->model);
+    fputs(some ? "]\n" : "", w->model);
     pm_logger_end(w, w->v->part[part]);
 }
 
 // Writes the port by which a part loses energy to the surroundings.
 static void write_losses(pm_logger_writer *w, int part) {
+    static const char *const first = "    irreversible:\n      given:\n        [",
+                             *const next = ",\n        ";
     const pm_logger_view *v = w->v;
     const int levels = pm_logger_count(v, part, PM_LOGGER_LEVEL);
-    const bool learned = w->chosen[PM_LOGGER_FRICTION] == LEARNED_FRICTION;
     const bool networks = w->chosen[PM_LOGGER_LEVELS] == NETWORKS_OF_LEVELS && levels > 0;
     bool some = false;
     char name[PATH_MAX];
@@ -350,18 +379,15 @@ static void write_losses(pm_logger_writer *w, int part) {
         return;
     }
     fputs("    law: bracket\n", w->model);
-    if (!networks) {
-        pm_logger_write_falls(w, part);
-    }
-    fputs("    irreversible:\n", w->model);
+    pm_logger_write_pushes(w, part, !networks);
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
         if (y->part != part) {
             continue;
         }
         const bool drains = y->kind == PM_LOGGER_LEVEL && !networks;
-        if ((y->kind == PM_LOGGER_FLOW && !learned) || v->leaks[i] || drains) {
-            fputs(some ? ",\n        " : "      given:\n        [", w->model);
+        if (y->kind == PM_LOGGER_FLOW || v->leaks[i] || drains) {
+            fputs(some ? next : first, w->model);
             some = true;
         }
         if (v->leaks[i]) {
@@ -369,43 +395,41 @@ static void write_losses(pm_logger_writer *w, int part) {
             snprintf(x, sizeof x, "a.%.40s", y->name);
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
             pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i]);
-        } else if (y->kind == PM_LOGGER_FLOW && !learned) {
-            pm_logger_write_friction(w, i);
+        } else if (y->kind == PM_LOGGER_FLOW) {
+            pm_logger_write_friction(w, i, -1);
         } else if (drains) {
             char flow[PM_LOGGER_LONG_TEXT];
             fprintf(w->model, "[a.%s, b.s, \"%s/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
                     pm_logger_flow(flow, sizeof flow, 'a', y), y->name,
                     EMPTY * EMPTY * y->largest * y->largest);
         }
-        for (int j = i + 1; j < v->nvariable && !learned; ++j) {
-            if (v->column[j].part == part && pm_logger_is_coupled(v, i, j, true)) {
-                char both[PM_LOGGER_TEXT];
-                snprintf(both, sizeof both, "%.40s_%.40s", y->name, v->column[j].name);
-                pm_logger_constant(w, "between", both, y->inertia * fabs(v->coupling[i][j]), true);
-                fprintf(w->model, ",\n         [a.%s, a.%s, \"between_%s\"]", y->name,
-                        v->column[j].name, both);
+        for (int j = i + 1; j < v->nvariable; ++j) {
+            const pm_logger_column *other = &v->column[j];
+            if (other->part == part && pm_logger_is_coupled(v, i, j, true)) {
+                char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT];
+                snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
+                snprintf(x, sizeof x, "a.%.40s - a.%.40s", y->name, other->name);
+                fprintf(w->model, "%s[a.%s, a.%s, \"", next, y->name, other->name);
+                pm_logger_write_resistance(w, both, x, y, y->inertia * fabs(v->coupling[i][j]));
+                fputs("\"]", w->model);
             }
         }
     }
-    fputs(some ? "]\n" : "", w->model);
-    if (networks || (learned && pm_logger_count(v, part, PM_LOGGER_FLOW) > 0)) {
+    fputs(some ? "]\n" : networks ? "    irreversible:\n" : "", w->model);
+    if (networks) {
         bool listed = false;
         fputs("      learned: {acts_on: [", w->model);
         for (int c = 0; c < v->nvariable; ++c) {
-            if ((networks && pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) ||
-                (learned && pm_logger_is(v, c, part, PM_LOGGER_FLOW))) {
+            if (pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) {
                 fprintf(w->model, "%sa.%s", pm_logger_separate(&listed), v->column[c].name);
             }
         }
         fprintf(w->model, "%s], rank: %d, heats: [b.s], strength: {features: [",
-                networks && falls(v, part) ? ", b.z" : "",
-                (networks ? levels : 0) + (learned ? pm_logger_count(v, part, PM_LOGGER_FLOW) : 0));
+                falls(v, part) ? ", b.z" : "", levels);
         listed = false;
         for (int c = 0; c < v->nvariable; ++c) {
-            if (networks && pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) {
+            if (pm_logger_is(v, c, part, PM_LOGGER_LEVEL)) {
                 fprintf(w->model, "%s\"ln|a.%s|\"", pm_logger_separate(&listed), v->column[c].name);
-            } else if (learned && pm_logger_is(v, c, part, PM_LOGGER_FLOW)) {
-                fprintf(w->model, "%s\"|a.%s|\"", pm_logger_separate(&listed), v->column[c].name);
             }
         }
         fputs("], hidden: [4], skip: linear}}\n", w->model);
@@ -456,11 +480,12 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     pm_logger_write_conduction(w, both, x, y, dx, dy,
                                                a->inertia * fabs(v->coupling[i][j]));
                 } else {
-                    pm_logger_constant(
-                        w, "coupling", both,
-                        (a->inertia * v->coupling[i][j] - b->inertia * v->coupling[j][i]) / 2,
-                        false);
-                    fprintf(w->model, "[%s, %s, \"coupling_%s\"]", x, y, both);
+                    fprintf(
+                        w->model, "[%s, %s, \"%s\"]", x, y,
+                        pm_logger_number(
+                            w, "coupling", both,
+                            (a->inertia * v->coupling[i][j] - b->inertia * v->coupling[j][i]) / 2,
+                            pm_logger_between(w, a, b)));
                 }
             }
         }
@@ -473,48 +498,86 @@ static void write_port(pm_logger_writer *w, const int *parts) {
 // Writes the port by which an input acts on a part.
 static void write_input(pm_logger_writer *w, int part, int input) {
     const pm_logger_view *v = w->v;
-    const bool bath = *groups_of(v, input, part) == 's';
     const char *u = v->column[input].name;
-    bool some = false;
     char name[PATH_MAX];
     if (!pm_logger_begin(w)) {
         return;
     }
-    fprintf(w->model, "    law: bracket\n    %s: {given: [", bath ? "irreversible" : "reversible");
-    for (int a = 0; a < v->naction; ++a) {
-        const pm_logger_action *action = &v->action[a];
-        const pm_logger_column *y = &v->column[action->target];
-        char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], dx[PM_LOGGER_TEXT];
-        if (action->input != input || y->part != part) {
-            continue;
+    fputs("    law: bracket\n", w->model);
+    // What acts without loss first, then what acts through a resistance.
+    for (int lossy = 0; lossy < 2; ++lossy) {
+        const char *const first =
+            lossy ? "    irreversible: {given: [" : "    reversible: {given: [";
+        bool some = false;
+        for (int a = 0; a < v->naction; ++a) {
+            const pm_logger_action *action = &v->action[a];
+            const pm_logger_column *y = &v->column[action->target];
+            char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], dx[PM_LOGGER_TEXT];
+            const bool loses_some =
+                action->effect == PM_LOGGER_BATH || action->effect == PM_LOGGER_THROUGH;
+            if (action->input != input || y->part != part || loses_some != lossy) {
+                continue;
+            }
+            snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
+            snprintf(x, sizeof x, "a.%.40s", y->name);
+            snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
+            fputs(some ? ", " : first, w->model);
+            some = true;
+            if (action->effect == PM_LOGGER_WARMS) {
+                pm_logger_constant(w, "gain", both, action->gain);
+            }
+            switch (action->effect) {
+            case PM_LOGGER_DRIVES:
+                fprintf(w->model, "[%s, b.x, 1.0]", x);
+                break;
+            case PM_LOGGER_GAIN:
+                fprintf(w->model, "[%s, b.x, \"", x);
+                pm_logger_write_gain(w, both, action);
+                fputs("\"]", w->model);
+                break;
+            case PM_LOGGER_HEATS:
+                fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
+                break;
+            case PM_LOGGER_WARMS:
+                fprintf(w->model, "[%s, b.x, \"gain_%s/%s\"], [b.s, b.x, \"-gain_%s/%s\"]", x, both,
+                        dx, both, dx);
+                break;
+            case PM_LOGGER_BATH:
+                pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain);
+                break;
+            case PM_LOGGER_THROUGH: {
+                char drop[PM_LOGGER_TEXT];
+                snprintf(drop, sizeof drop, "%.60s - b.dE.x", x);
+                fprintf(w->model, "[%s, b.x, \"", x);
+                pm_logger_write_resistance(w, both, drop, y, action->gain);
+                fputs("\"]", w->model);
+                break;
+            }
+            }
         }
-        snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
-        snprintf(x, sizeof x, "a.%.40s", y->name);
-        snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
-        fputs(pm_logger_separate(&some), w->model);
-        if (action->effect == PM_LOGGER_GAIN || action->effect == PM_LOGGER_WARMS) {
-            pm_logger_constant(w, "gain", both, action->gain, action->effect == PM_LOGGER_WARMS);
+        for (int k = 0; k < v->nconverter && !lossy; ++k) {
+            const pm_logger_converter *turn = &v->converter[k];
+            const pm_logger_column *one = &v->column[turn->one], *other = &v->column[turn->other];
+            bool again = false;
+            for (int j = 0; j < k; ++j) {
+                const pm_logger_converter *before = &v->converter[j];
+                again = again || (before->input == input && before->one == turn->other &&
+                                  before->other == turn->one);
+            }
+            if (turn->input == input && one->part == part && !again) {
+                char both[PM_LOGGER_TEXT];
+                snprintf(both, sizeof both, "%.40s_%.40s_%.40s", u, one->name, other->name);
+                fprintf(w->model, "%s[a.%s, a.%s, \"%s*b.dE.x\"]", some ? ", " : first, one->name,
+                        other->name,
+                        pm_logger_number(w, "turns", both, 0,
+                                         pm_logger_between(w, one, other) /
+                                             fmax(fabs(v->column[input].least),
+                                                  fabs(v->column[input].largest))));
+                some = true;
+            }
         }
-        switch (action->effect) {
-        case PM_LOGGER_DRIVES:
-            fprintf(w->model, "[%s, b.x, 1.0]", x);
-            break;
-        case PM_LOGGER_GAIN:
-            fprintf(w->model, "[%s, b.x, \"gain_%s\"]", x, both);
-            break;
-        case PM_LOGGER_HEATS:
-            fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
-            break;
-        case PM_LOGGER_WARMS:
-            fprintf(w->model, "[%s, b.x, \"gain_%s/%s\"], [b.s, b.x, \"-gain_%s/%s\"]", x, both, dx,
-                    both, dx);
-            break;
-        case PM_LOGGER_BATH:
-            pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain);
-            break;
-        }
+        fputs(some ? "]}\n" : "", w->model);
     }
-    fputs("]}\n", w->model);
     snprintf(name, sizeof name, "%s_%s", v->part[part], u);
     pm_logger_end(w, name);
 }
@@ -595,6 +658,9 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
                 "\nstart: {tries: 1}\nloss: {residual: step}\nstages:\n"
                 "  - {optimiser: gauss_newton, iterations: %d, batch: %d}\n",
                 ITERATIONS, BATCH);
+    } else {
+        // All but the networks begins where regressions put it.
+        fprintf(w.f, "\nstart: {tries: %d}\n", TRIES);
     }
     return close_file(w.f, path);
 }

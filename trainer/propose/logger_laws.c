@@ -16,19 +16,8 @@
 #define CONVECTION_POWER 0.33 // power of a difference of temperatures with which a fit begins
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
+#define DECADE 10
 #define BENDS 3 // bends of a function of one variable, each of which has a place and a width
-
-bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
-    return v->column[c].part == part && v->column[c].kind == kind;
-}
-
-int pm_logger_count(const pm_logger_view *v, int part, pm_logger_kind kind) {
-    int count = 0;
-    for (int c = 0; c < v->nvariable; ++c) {
-        count += pm_logger_is(v, c, part, kind);
-    }
-    return count;
-}
 
 // Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
@@ -38,15 +27,6 @@ bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind)
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
            (same || a->mate < 0 || b->mate < 0) && fmax(v->share[i][j], v->share[j][i]) > COUPLED;
-}
-
-double pm_logger_highest(const pm_logger_view *v) {
-    double highest = 0;
-    for (int c = 0; c < v->nvariable; ++c) {
-        highest =
-            v->column[c].kind == PM_LOGGER_LEVEL ? fmax(highest, v->column[c].largest) : highest;
-    }
-    return highest;
 }
 
 bool pm_logger_begin(pm_logger_writer *w) {
@@ -77,20 +57,25 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
     w->constants = w->body = NULL;
 }
 
-// Adds a learned constant "<kind>_<name>" to the model.
-void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start,
-                        bool positive) {
-    fprintf(w->list, "      %s_%s: {learned: %.6g%s}\n", kind, name,
-            positive ? fmax(fabs(start), LEAST_CONSTANT) : start,
-            positive ? ", positive: true" : "");
+// Adds a positive learned constant "<kind>_<name>" to the model.
+void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start) {
+    fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true}\n", kind, name,
+            fmax(fabs(start), LEAST_CONSTANT));
 }
 
-const char *pm_logger_separate(bool *some) {
-    const char *separator = *some ? ", " : "";
-    *some = true;
-    return separator;
+const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *name, double start,
+                             double size) {
+    char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
+    const double scale = size > 0 && isfinite(size) ? pow(DECADE, round(log10(size))) : 1;
+    fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name, start / scale);
+    snprintf(text, PM_LOGGER_TEXT, "%.6g*%.20s_%.90s", scale, kind, name);
+    return text;
 }
 
+// Returns the size of the energy of a co-energy.
+static double energy_of(const pm_logger_column *y) {
+    return y->inertia * y->deviation * y->deviation;
+}
 // Returns true if an inertia of this part may depend on its positions: it is that of velocities.
 static bool shares_inertia(const pm_logger_writer *w, int c) {
     const pm_logger_column *y = &w->v->column[c];
@@ -125,7 +110,7 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
                 "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is 1 J/K\n", T,
                 T, T0, T);
     } else {
-        pm_logger_constant(w, "capacity", T, y->inertia, true);
+        pm_logger_constant(w, "capacity", T, y->inertia);
         fprintf(w->model, "      - \"capacity_%s*(%s*ln(%s/%.6g) - %s)\"\n", T, T, T, T0, T);
     }
     if (!bends) {
@@ -133,31 +118,69 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     }
     for (size_t k = 0; k < sizeof power / sizeof *power; ++k) {
         const double p = power[k];
-        pm_logger_constant(w, names[k], T, SMALL * y->inertia, true);
+        pm_logger_constant(w, names[k], T, SMALL * y->inertia);
         fprintf(w->model, "      - \"%s_%s*%.6g*(%s/%.6g)^(%.6g)\"\n", names[k], T,
                 T0 / (p * (p + 1)), T, T0, p + 1);
     }
-    pm_logger_constant(w, "inverse", T, SMALL * y->inertia, true);
+    pm_logger_constant(w, "inverse", T, SMALL * y->inertia);
     fprintf(w->model, "      - \"inverse_%s*%.6g*ln(%.6g/%s)\"\n", T, T0, T0, T);
 }
 
+// Writes a sum over the positions of a part with learned coefficients of some size, "" or " +
+// sin1_name*...": sines and cosines of angles, and first and second powers of lengths if `lengths`
+// is true. `prefix` is that of the positions. Only position `alone` counts unless it is -1.
+static void write_lever(pm_logger_writer *w, const char *name, const char *prefix, int part,
+                        bool lengths, int alone, double size) {
+    for (int c = 0; c < w->v->nvariable; ++c) {
+        const pm_logger_column *q = &w->v->column[c];
+        static const char *const kinds[2][4] = {{"first", "second", "third", "fourth"},
+                                                {"sin1", "cos1", "sin2", "cos2"}};
+        const double d = fmax(fabs(q->least), fabs(q->largest));
+        char both[PM_LOGGER_TEXT];
+        if (!pm_logger_is(w->v, c, part, PM_LOGGER_POSITION) || (!q->angle && !lengths) ||
+            (alone >= 0 && alone != c)) {
+            continue;
+        }
+        snprintf(both, sizeof both, "%.40s_by_%.40s", name, q->name);
+        for (int k = 0; k < (q->angle ? 4 : 2); ++k) {
+            const char *kind = kinds[q->angle][k];
+            fprintf(w->model, " + %s*", pm_logger_number(w, kind, both, 0, size));
+            if (q->angle) {
+                fprintf(w->model, "%.3s(%d*%s%s)", kind, 1 + k / 2, prefix, q->name);
+            } else {
+                fprintf(w->model, "(%s%s/%.6g)^%d", prefix, q->name, d, 1 + k);
+            }
+        }
+    }
+}
+
 // Writes the co-energy of what an inductance or a capacity adds that depends on the co-energy
-// itself: it is positive, grows outside the data, and has bells of learned places and widths.
+// itself. It is positive: a part that grows outside the data, bells, and steps that rise and fall,
+// of learned places and widths.
 static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double inertia) {
     const char *name = y->name;
     const double d = fmax(fabs(y->least), fabs(y->largest));
-    pm_logger_constant(w, "more", name, SMALL * inertia, true);
+    pm_logger_constant(w, "more", name, SMALL * inertia);
     fprintf(w->model, "      - \"more_%s*%s^4/%.4g\"\n", name, name, 4 * 3 * d * d);
-    for (int k = 0; k < BENDS; ++k) {
-        char numbered[PM_LOGGER_TEXT];
-        snprintf(numbered, sizeof numbered, "%.40s_%d", name, k + 1);
-        const char *n = numbered;
-        pm_logger_constant(w, "bell", n, SMALL * inertia, true);
-        pm_logger_constant(w, "place", n, y->mean + (k - BENDS / 2) * y->deviation, false);
-        pm_logger_constant(w, "width", n, y->deviation, true);
-        fprintf(w->model,
-                "      - \"bell_%s*width_%s*(sqrt((%s - place_%s)^2 + width_%s^2) - width_%s)\"\n",
-                n, n, name, n, n, n);
+    for (int k = 0; k < BENDS + 2; ++k) {
+        static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
+        char n[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], root[3 * PM_LOGGER_TEXT];
+        snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
+        pm_logger_constant(w, kinds[k], n, SMALL * inertia);
+        snprintf(x, sizeof x, "(%.40s - %.60s)", name,
+                 pm_logger_number(w, "place", n,
+                                  y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
+                                  y->deviation));
+        pm_logger_constant(w, "width", n, y->deviation);
+        snprintf(root, sizeof root, "sqrt(%s^2 + width_%s^2)", x, n);
+        if (k < BENDS) {
+            fprintf(w->model, "      - \"bell_%s*width_%s*(%s - width_%s)\"\n", n, n, root, n);
+        } else {
+            fprintf(
+                w->model,
+                "      - \"%s_%s/2*(%s^2/2 %c (%s*%s + width_%s^2*ln((%s + %s)/width_%s))/2)\"\n",
+                kinds[k], n, x, k == BENDS ? '+' : '-', x, root, n, x, root, n);
+        }
     }
 }
 
@@ -180,15 +203,20 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
         } else if (shares_inertia(w, c)) {
             shared = true;
         } else {
-            if (y->free_scale) {
-                fprintf(w->model, "      - \"%s^2/2\"   # nothing fixes its scale, which is 1\n",
-                        y->name);
-            } else {
-                pm_logger_constant(w, "inertia", y->name, own, true);
-                fprintf(w->model, "      - \"inertia_%s*%s^2/2\"\n", y->name, y->name);
+            fputs("      - \"", w->model);
+            if (!y->free_scale) {
+                pm_logger_constant(w, "inertia", y->name, own);
+                fprintf(w->model, "inertia_%s*", y->name);
             }
+            if (w->v->turns[c]) {
+                fputs("exp(0", w->model);
+                write_lever(w, y->name, "", part, true, -1, 1);
+                fputs(")*", w->model);
+            }
+            fprintf(w->model, "%s^2/2\"%s\n", y->name,
+                    y->free_scale ? "   # nothing fixes its scale, which is 1" : "");
             if (bends && y->kind == PM_LOGGER_LEVEL) {
-                pm_logger_constant(w, "wider", y->name, SMALL * own, true);
+                pm_logger_constant(w, "wider", y->name, SMALL * own);
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
             } else if (bends && y->mate < 0) {
@@ -243,70 +271,77 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             continue;
         }
         const pm_logger_column *v = &w->v->column[q->mate];
-        const double stiffness = -v->inertia * w->v->coupling[q->mate][c];
+        double stiffness = -v->inertia * w->v->coupling[q->mate][c];
+        for (int j = 0; j < w->v->nvariable; ++j) { // what springs to other positions have of it
+            stiffness -= j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && !q->angle &&
+                                 !w->v->column[j].angle
+                             ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j]
+                             : 0;
+        }
         if (q->angle) {
-            pm_logger_constant(w, "cos1", q->name, -stiffness * cos(q->mean), false);
-            pm_logger_constant(w, "sin1", q->name, -stiffness * sin(q->mean), false);
-            pm_logger_constant(w, "cos2", q->name, 0, false);
-            pm_logger_constant(w, "sin2", q->name, 0, false);
-            fprintf(w->model,
-                    "      - \"cos1_%s*cos(%s) + sin1_%s*sin(%s) + cos2_%s*cos(2*%s) + "
-                    "sin2_%s*sin(2*%s)\"\n",
-                    q->name, q->name, q->name, q->name, q->name, q->name, q->name, q->name);
+            const double start[] = {-stiffness * cos(q->mean), -stiffness * sin(q->mean)};
+            static const char *const kinds[] = {"cos1", "sin1", "cos2", "sin2"};
+            for (int k = 0; k < 4; ++k) {
+                fprintf(w->model, "%s%s*%.3s(%d*%s)", k > 0 ? " + " : "      - \"",
+                        pm_logger_number(w, kinds[k], q->name, k < 2 ? start[k] : 0, energy_of(v)),
+                        kinds[k], 1 + k / 2, q->name);
+            }
         } else {
             const double d = fmax(fabs(q->least), fabs(q->largest));
-            const double force = v->inertia * v->constant;
-            pm_logger_constant(w, "k1", q->name, -force * d, false);
-            pm_logger_constant(w, "k2", q->name, stiffness * d * d, false);
-            pm_logger_constant(w, "k3", q->name, 0, false);
-            pm_logger_constant(w, "k4", q->name, 0, false);
-            fprintf(w->model,
-                    "      - \"k1_%s*(%s/%.6g) + k2_%s*(%s/%.6g)^2/2 + k3_%s*(%s/%.6g)^3 + "
-                    "k4_%s*(%s/%.6g)^4\"\n",
-                    q->name, q->name, d, q->name, q->name, d, q->name, q->name, d, q->name, q->name,
-                    d);
+            const double start[] = {-v->inertia * v->constant * d, stiffness * d * d / 2};
+            static const char *const kinds[] = {"k1", "k2", "k3", "k4"};
+            for (int k = 0; k < 4; ++k) {
+                fprintf(w->model, "%s%s*(%s/%.6g)^%d", k > 0 ? " + " : "      - \"",
+                        pm_logger_number(w, kinds[k], q->name, k < 2 ? start[k] : 0, energy_of(v)),
+                        q->name, d, k + 1);
+            }
         }
+        fputs("\"\n", w->model);
     }
-    // What two positions store together: a spring between them, or angles that add up.
+    // What two positions store together: a spring between them, angles that add up, or a weight
+    // that slides along a rod.
     for (int i = 0; i < w->v->nvariable; ++i) {
         for (int j = i + 1; j < w->v->nvariable; ++j) {
             const pm_logger_column *a = &w->v->column[i], *b = &w->v->column[j];
             if (!pm_logger_is(w->v, i, part, PM_LOGGER_POSITION) ||
-                !pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) || a->angle != b->angle) {
+                !pm_logger_is(w->v, j, part, PM_LOGGER_POSITION)) {
                 continue;
             }
             char both[PM_LOGGER_TEXT];
             snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
-            const double together = -w->v->column[a->mate].inertia * w->v->coupling[a->mate][j];
-            if (a->angle) {
+            const double size = energy_of(&w->v->column[a->mate]);
+            if (a->angle && b->angle) {
                 static const char *const kinds[] = {"cosp", "sinp", "cosm", "sinm"};
-                for (size_t k = 0; k < sizeof kinds / sizeof *kinds; ++k) {
-                    pm_logger_constant(w, kinds[k], both, 0, false);
+                for (int k = 0; k < 4; ++k) {
+                    fprintf(w->model, "%s%s*%.3s(%s %c %s)", k > 0 ? " + " : "      - \"",
+                            pm_logger_number(w, kinds[k], both, 0, size), kinds[k], a->name,
+                            k < 2 ? '+' : '-', b->name);
                 }
-                fprintf(w->model,
-                        "      - \"cosp_%s*cos(%s + %s) + sinp_%s*sin(%s + %s) + cosm_%s*cos(%s - "
-                        "%s) + sinm_%s*sin(%s - %s)\"\n",
-                        both, a->name, b->name, both, a->name, b->name, both, a->name, b->name,
-                        both, a->name, b->name);
+            } else if (a->angle != b->angle) {
+                const pm_logger_column *x = a->angle ? b : a, *q = a->angle ? a : b;
+                fprintf(w->model, "      - \"%s/%.6g*(%s*cos(%s)", x->name,
+                        fmax(fabs(x->least), fabs(x->largest)),
+                        pm_logger_number(w, "cosx", both, 0, size), q->name);
+                fprintf(w->model, " + %s*sin(%s))", pm_logger_number(w, "sinx", both, 0, size),
+                        q->name);
+            } else if (!pm_unit_equal(&a->dimension, &b->dimension)) {
+                fprintf(w->model, "      - \"%s*(%s/%.6g)*(%s/%.6g)",
+                        pm_logger_number(w, "both", both, 0, size), a->name,
+                        fmax(fabs(a->least), fabs(a->largest)), b->name,
+                        fmax(fabs(b->least), fabs(b->largest)));
             } else {
-                // A spring between two points acts on their difference.
-                const double da = fmax(fabs(a->least), fabs(a->largest));
-                const double db = fmax(fabs(b->least), fabs(b->largest));
-                const bool alike = pm_unit_equal(&a->dimension, &b->dimension);
-                pm_logger_constant(w, "k", both, together * da * db * (alike ? -1 : 1), false);
-                if (alike) {
-                    pm_logger_constant(w, "k3", both, 0, false);
-                    pm_logger_constant(w, "k4", both, 0, false);
-                    fprintf(w->model,
-                            "      - \"k_%s*(%s - %s)^2/%.6g + k3_%s*((%s - %s)/%.6g)^3 + "
-                            "k4_%s*((%s - %s)/%.6g)^4\"\n",
-                            both, a->name, b->name, 2 * da * db, both, a->name, b->name, da + db,
-                            both, a->name, b->name, da + db);
-                } else {
-                    fprintf(w->model, "      - \"k_%s*(%s/%.6g)*(%s/%.6g)\"\n", both, a->name, da,
-                            b->name, db);
+                const double d = fmax(fmax(fabs(a->least), fabs(a->largest)),
+                                      fmax(fabs(b->least), fabs(b->largest)));
+                const double spring =
+                    w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] * d * d / 2;
+                static const char *const kinds[] = {"b2", "b3", "b4"};
+                for (int k = 0; k < 3; ++k) {
+                    fprintf(w->model, "%s%s*((%s - %s)/%.6g)^%d", k > 0 ? " + " : "      - \"",
+                            pm_logger_number(w, kinds[k], both, k == 0 ? spring : 0, size), a->name,
+                            b->name, d, k + 2);
                 }
             }
+            fputs("\"\n", w->model);
         }
     }
 }
@@ -326,15 +361,21 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
         }
         for (int j = i + 1; j < w->v->nvariable; ++j) {
             const pm_logger_column *b = &w->v->column[j];
-            if (b->part == part && pm_logger_is_coupled(w->v, i, j, false)) {
+            const bool crank = w->v->crank[i][j] || w->v->crank[j][i];
+            if (b->part == part && (crank || pm_logger_is_coupled(w->v, i, j, false))) {
                 char both[PM_LOGGER_TEXT];
                 snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
-                pm_logger_constant(
-                    w, "coupling", both,
-                    (a->inertia * w->v->coupling[i][j] - b->inertia * w->v->coupling[j][i]) / 2,
-                    false);
-                fprintf(w->model, "%s[%s, %s, \"coupling_%s\"]",
-                        some ? ", " : "    reversible: {given: [", a->name, b->name, both);
+                fprintf(
+                    w->model, "%s[%s, %s, \"%s", some ? ", " : "    reversible: {given: [", a->name,
+                    b->name,
+                    pm_logger_number(
+                        w, "coupling", both,
+                        (a->inertia * w->v->coupling[i][j] - b->inertia * w->v->coupling[j][i]) / 2,
+                        pm_logger_between(w, a, b)));
+                if (crank) {
+                    write_lever(w, both, "", part, false, -1, pm_logger_between(w, a, b));
+                }
+                fputs("\"]", w->model);
                 some = true;
             }
         }
@@ -349,65 +390,111 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
                                 const char *dx, const char *dy, double start) {
     const double T0 = ROOM_TEMPERATURE;
-    pm_logger_constant(w, "conductance", name, start, true);
+    pm_logger_constant(w, "conductance", name, start);
     fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
     if (w->chosen[PM_LOGGER_CONDUCTION] == RADIATION) {
-        pm_logger_constant(w, "radiation", name, SMALL * fabs(start), true);
+        pm_logger_constant(w, "radiation", name, SMALL * fabs(start));
         fprintf(w->model, " + radiation_%s*(%s + %s)*(%s^2 + %s^2)/%.6g", name, dx, dy, dx, dy,
                 4 * T0 * T0 * T0);
     }
     if (w->chosen[PM_LOGGER_CONDUCTION] <= CONVECTION) {
-        pm_logger_constant(w, "convection", name, SMALL * fabs(start), true);
-        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2, true);
+        pm_logger_constant(w, "convection", name, SMALL * fabs(start));
+        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2);
         fprintf(w->model, " + convection_%s*exp(power_%s*ln((%s - %s)^2 + %.4g))", name, name, dx,
                 dy, STILL * STILL);
     }
     fprintf(w->model, ")*%s/%s\"]", dy, dx);
 }
 
-// Writes a positive factor that depends on the variable x: an exponential of bends with learned
-// places and widths. It begins with 1.
-static void write_factor(pm_logger_writer *w, const char *name, const char *x, double mean,
-                         double deviation) {
-    fputs("*exp(", w->model);
+// Writes a positive factor that depends on the variable x, which y describes: an exponential of
+// bends with learned places and widths. It begins with 1. With the variable `sign`, which `of`
+// describes, the bends depend on the sign of that variable, too.
+static void write_factor(pm_logger_writer *w, const char *name, const char *x,
+                         const pm_logger_column *y, const char *sign, const pm_logger_column *of) {
+    fputs("*exp(0", w->model);
     for (int k = 0; k < BENDS; ++k) {
         char numbered[PM_LOGGER_TEXT];
-        snprintf(numbered, sizeof numbered, "%.40s_%d", name, k + 1);
+        snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
-        pm_logger_constant(w, "bend", n, 0, false);
-        pm_logger_constant(w, "middle", n, mean + (k - BENDS / 2) * deviation, false);
-        pm_logger_constant(w, "range", n, deviation, true);
-        fprintf(w->model, "%sbend_%s*(%s - middle_%s)/sqrt((%s - middle_%s)^2 + range_%s^2)",
-                k > 0 ? " + " : "", n, x, n, x, n, n);
+        const char *bend = pm_logger_number(w, "bend", n, 0, 1);
+        const char *middle = pm_logger_number(
+            w, "middle", n, y->mean + (k - BENDS / 2) * y->deviation, y->deviation);
+        pm_logger_constant(w, "range", n, y->deviation);
+        if (sign == NULL) {
+            fprintf(w->model, " + %s", bend);
+        } else {
+            fprintf(w->model, " + (%s + %s*%s/sqrt(%s^2 + %.4g))", bend,
+                    pm_logger_number(w, "sign", n, 0, 1), sign, sign,
+                    DRY * DRY * of->deviation * of->deviation);
+        }
+        fprintf(w->model, "*(%s - %s)/sqrt((%s - %s)^2 + range_%s^2)", x, middle, x, middle, n);
     }
     fputs(")", w->model);
 }
 
-// Writes friction and resistance of one co-energy.
-void pm_logger_write_friction(pm_logger_writer *w, int c) {
-    const pm_logger_column *y = &w->v->column[c];
-    const char *name = y->name;
-    const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
-    const double d = fmax(fabs(y->least), fabs(y->largest)), dry = DRY * y->deviation;
-    const int law = w->chosen[PM_LOGGER_FRICTION];
-    pm_logger_constant(w, "linear", name, start, true);
-    fprintf(w->model, "[a.%s, b.s, \"(linear_%s", name, name);
-    if (law <= QUADRATIC_FRICTION) {
-        pm_logger_constant(w, "quadratic", name, SMALL * start, true);
-        fprintf(w->model, " + quadratic_%s*|a.%s|/%.4g", name, name, d);
-    }
-    if (law == DRY_FRICTION) {
-        pm_logger_constant(w, "dry", name, SMALL * start, true);
-        pm_logger_constant(w, "width", name, dry, true); // of the step at rest
-        fprintf(w->model, " + dry_%s*%.4g/sqrt(a.%s^2 + width_%s^2)", name, d, name, name);
+void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action) {
+    const pm_logger_column *input = &w->v->column[action->input];
+    const pm_logger_column *y = &w->v->column[action->target];
+    const double size = pm_logger_rate(w, y) / (input->deviation > 0 ? input->deviation : 1);
+    fprintf(w->model, "(%s", pm_logger_number(w, "gain", name, action->gain, size));
+    if (action->lever) {
+        write_lever(w, name, "a.", y->part, true, -1, size);
     }
     fputs(")", w->model);
-    if (law == DRY_FRICTION && y->mate < 0) {
-        char x[PM_LOGGER_TEXT];
-        snprintf(x, sizeof x, "a.%.40s", name);
-        write_factor(w, name, x, y->mean, y->deviation);
+    if (action->valve) {
+        char x[PM_LOGGER_TEXT], opening[PM_LOGGER_TEXT];
+        snprintf(x, sizeof x, "a.%.40s", y->name);
+        snprintf(opening, sizeof opening, "opening_%.80s", name);
+        write_factor(w, name, x, y, "b.dE.x", input);
+        write_factor(w, opening, "b.dE.x", input, NULL, NULL);
     }
-    fputs("*b.dE.s\"]", w->model);
+}
+
+void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
+                                const pm_logger_column *y, double start) {
+    const double d = fmax(fabs(y->least), fabs(y->largest)), dry = DRY * y->deviation;
+    const int law = w->chosen[PM_LOGGER_FRICTION];
+    pm_logger_constant(w, "linear", name, start);
+    fprintf(w->model, "(linear_%s", name);
+    if (law <= QUADRATIC_FRICTION) {
+        pm_logger_constant(w, "quadratic", name, SMALL * start);
+        const bool one = strchr(x, ' ') == NULL;
+        fprintf(w->model,
+                one ? " + quadratic_%s*|%s|/%.4g" : " + quadratic_%s*sqrt((%s)^2 + %.4g)/%.4g",
+                name, x, one ? d : dry * dry, d);
+    }
+    if (law <= DRY_FRICTION) {
+        pm_logger_constant(w, "dry", name, SMALL * start);
+        pm_logger_constant(w, "width", name, dry); // of the step at rest
+        fprintf(w->model, " + dry_%s*%.4g/sqrt((%s)^2 + width_%s^2)", name, d, x, name);
+    }
+    fputs(")", w->model);
+    if (law == BENT_FRICTION && y->mate < 0) {
+        write_factor(w, name, x, y, NULL, NULL);
+    }
+}
+
+void pm_logger_write_friction(pm_logger_writer *w, int c, int t) {
+    const pm_logger_column *y = &w->v->column[c];
+    const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
+    char x[PM_LOGGER_TEXT], name[PM_LOGGER_TEXT];
+    snprintf(x, sizeof x, "%s%.40s", t < 0 ? "a." : "", y->name);
+    snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
+             t < 0 ? "" : w->v->column[t].name);
+    fprintf(w->model, "[%s, %s%s, \"", x, t < 0 ? "b." : "", t < 0 ? "s" : w->v->column[t].name);
+    pm_logger_write_resistance(w, name, x, y, start);
+    if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
+        fputs("*exp(0", w->model);
+        write_lever(w, name, "a.", y->part, true, y->mate, 1);
+        fputs(")", w->model);
+    }
+    if (t >= 0) {
+        fprintf(w->model, "*exp(%s*(%s - %.6g)/%.4g)*dE.%s\"]",
+                pm_logger_number(w, "thermal", name, 0, 1), w->v->column[t].name,
+                w->v->column[t].mean, w->v->column[t].deviation, w->v->column[t].name);
+    } else {
+        fputs("*b.dE.s\"]", w->model);
+    }
 }
 
 static bool shows_no_length(const pm_logger_column *h) {
@@ -440,24 +527,28 @@ void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h) {
     }
 }
 
-// Writes what leaves one level and falls into another one. The fluid that falls loses its energy
-// before it arrives; the height through which it falls gives the energy of the other level.
-void pm_logger_write_falls(pm_logger_writer *w, int part) {
+void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
+    static const char *const first = "    reversible: {given: [";
     const pm_logger_view *v = w->v;
     const double highest = pm_logger_highest(v);
     bool some = false;
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *h = &v->column[i];
-        if (!pm_logger_is(v, i, part, PM_LOGGER_LEVEL)) {
+        if (h->part == part && v->pushes[i]) {
+            fprintf(w->model, "%s[a.%s, b.x, \"%s\"]", some ? ", " : first, h->name,
+                    pm_logger_number(w, "push", h->name, h->inertia * h->constant,
+                                     pm_logger_rate(w, h)));
+            some = true;
+        }
+        if (!falls || !pm_logger_is(v, i, part, PM_LOGGER_LEVEL)) {
             continue;
         }
         pm_logger_flow_constants(w, h);
         for (int j = 0; j < v->nvariable; ++j) {
             char flow[PM_LOGGER_LONG_TEXT];
             if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j]) {
-                fprintf(w->model, "%s[a.%s, b.z, \"%s/%.4g\"]",
-                        some ? ", " : "    reversible: {given: [", v->column[j].name,
-                        pm_logger_flow(flow, sizeof flow, 'a', h), highest);
+                fprintf(w->model, "%s[a.%s, b.z, \"%s/%.4g\"]", some ? ", " : first,
+                        v->column[j].name, pm_logger_flow(flow, sizeof flow, 'a', h), highest);
                 some = true;
             }
         }

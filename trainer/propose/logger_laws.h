@@ -3,19 +3,21 @@
 #ifndef PM_TRAINER_PROPOSE_LOGGER_LAWS_H
 #define PM_TRAINER_PROPOSE_LOGGER_LAWS_H
 
+#include <math.h>
 #include <stdio.h>
 
 #include "propose/logger_draft.h"
 
 #define PM_LOGGER_TEXT 128      // room for a name
+#define PM_LOGGER_NUMBERS 8     // texts of pm_logger_number that are kept
 #define PM_LOGGER_LONG_TEXT 256 // room for a law
 
 // The alternatives of the choices, in the order in which they are believed.
-enum { DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION, LEARNED_FRICTION };
+enum { BENT_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
 enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS };
 enum { LEARNED_INERTIA, CONSTANT_INERTIA };
 enum { LEARNED_CAPACITY, CONSTANT_CAPACITY };
-enum { RADIATION, CONVECTION, CONSTANT_CONDUCTION, LEARNED_CONDUCTION };
+enum { RADIATION, CONVECTION, CONSTANT_CONDUCTION };
 enum { POWERS_OF_LEVELS, NETWORKS_OF_LEVELS };
 
 // A training file while it is being written. Constants of a model are collected in a text of their
@@ -30,29 +32,65 @@ typedef struct pm_logger_writer {
     char *body;
     size_t body_size;
     FILE *model; // writes to `body`
+    int nnumber;
+    char number[PM_LOGGER_NUMBERS][PM_LOGGER_TEXT]; // the last ones that were written
 } pm_logger_writer;
 
-bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind);
+static inline bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
+    return v->column[c].part == part && v->column[c].kind == kind;
+}
 
-int pm_logger_count(const pm_logger_view *v, int part, pm_logger_kind kind);
+static inline int pm_logger_count(const pm_logger_view *v, int part, pm_logger_kind kind) {
+    int count = 0;
+    for (int c = 0; c < v->nvariable; ++c) {
+        count += pm_logger_is(v, c, part, kind);
+    }
+    return count;
+}
 
 // Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
 // loss.
 bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind);
 
-double pm_logger_highest(const pm_logger_view *v);
+static inline double pm_logger_highest(const pm_logger_view *v) {
+    double highest = 0;
+    for (int c = 0; c < v->nvariable; ++c) {
+        highest =
+            v->column[c].kind == PM_LOGGER_LEVEL ? fmax(highest, v->column[c].largest) : highest;
+    }
+    return highest;
+}
 
 bool pm_logger_begin(pm_logger_writer *w);
 
 // Ends a model: writes its constants, then its body.
 void pm_logger_end(pm_logger_writer *w, const char *name);
 
-// Adds a learned constant "<kind>_<name>" to the model.
-void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start,
-                        bool positive);
+// Adds a positive learned constant "<kind>_<name>" to the model.
+void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start);
 
-const char *pm_logger_separate(bool *some);
+// Adds a learned constant of either sign, whose size is about `size` in its unit. The constant in
+// the file is a number about 1, since a fit moves it by no more than 1 at once. Returns the text by
+// which a formula names the value, which the next PM_LOGGER_NUMBERS calls leave as it is.
+const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *name, double start,
+                             double size);
+
+// Return the sizes of the rate of the energy variable that belongs to y, and of a coefficient by
+// which two co-energies move each other.
+static inline double pm_logger_rate(const pm_logger_writer *w, const pm_logger_column *y) {
+    return y->inertia * y->deviation * w->v->fastest;
+}
+static inline double pm_logger_between(const pm_logger_writer *w, const pm_logger_column *a,
+                                       const pm_logger_column *b) {
+    return sqrt(a->inertia * b->inertia) * w->v->fastest;
+}
+
+static inline const char *pm_logger_separate(bool *some) {
+    const char *separator = *some ? ", " : "";
+    *some = true;
+    return separator;
+}
 
 // Writes C: the co-energy of velocities, temperatures and the like.
 void pm_logger_write_coenergy(pm_logger_writer *w, int part);
@@ -70,8 +108,19 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part);
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
                                 const char *dx, const char *dy, double start);
 
-// Writes friction and resistance of one co-energy.
-void pm_logger_write_friction(pm_logger_writer *w, int c);
+// Writes the coefficient by which an input moves a co-energy, with a lever and a valve where the
+// data show them: "name" is that of the coefficient.
+void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action);
+
+// Writes the coefficient of friction or resistance, which depends on x, a co-energy or a difference
+// of two: "(linear_name + ...)". y describes the co-energy, and `start` is where the linear part
+// begins.
+void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
+                                const pm_logger_column *y, double start);
+
+// Writes friction and resistance of co-energy c whose heat goes to the surroundings, or to
+// temperature t of the same part if it is not -1.
+void pm_logger_write_friction(pm_logger_writer *w, int c, int t);
 
 // Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
 // smooth where the vessel is empty.
@@ -80,8 +129,9 @@ const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_co
 // Adds the constants of this law, which all models share that have them.
 void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h);
 
-// Writes what leaves one level and falls into another one. The fluid that falls loses its energy
+// Writes what moves a part without loss from outside: what is constant, and what leaves one level
+// and falls into another one, unless networks tell that. The fluid that falls loses its energy
 // before it arrives; the height through which it falls gives the energy of the other level.
-void pm_logger_write_falls(pm_logger_writer *w, int part);
+void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls);
 
 #endif

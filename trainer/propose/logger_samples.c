@@ -127,6 +127,7 @@ static int choose_window(const pm_logger_samples *w) {
 // which are divided by their deviations, and the changes of all columns.
 void pm_logger_divide(pm_logger_samples *w) {
     const int length = choose_window(w);
+    w->length = length;
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     w->nfeature = 1 + view->ncolumn;

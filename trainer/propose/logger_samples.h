@@ -11,11 +11,11 @@
 // The numbers of all columns, and the windows of the regressions. The view lists the columns.
 typedef struct pm_logger_samples {
     pm_logger_view *view;
-    int nrow;      // samples of all trajectories
-    double *value; // [nrow][PM_LOGGER_COLUMNS]
-    double *time;  // [nrow] s; NaN after the end of a trajectory
-    double *sort;  // [nrow]
-    int nwindow, nfeature;
+    int nrow;                      // samples of all trajectories
+    double *value;                 // [nrow][PM_LOGGER_COLUMNS]
+    double *time;                  // [nrow] s; NaN after the end of a trajectory
+    double *sort;                  // [nrow]
+    int nwindow, nfeature, length; // windows, their features and samples
     double *window; // [nwindow][nfeature + PM_LOGGER_COLUMNS] integrals, then changes
     pm_least_squares *squares;
 } pm_logger_samples;

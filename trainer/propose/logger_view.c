@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "propose/logger_samples.h"
+#include "propose/logger_terms.h"
 
 #define SAME 0.05       // of a rate: a velocity differs by less from that of its position
 #define FIRST_ORDER 0.3 // of the changes: a length that leaves less unexplained is a level
@@ -276,6 +276,7 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
 // a factor that is learned where units do not say.
 static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger_column *target) {
     const pm_unit power = pm_unit_product(&input->dimension, &target->dimension);
+    const pm_unit number = pm_unit_parse("1");
     const pm_unit watt = pm_unit_parse("W");
     if (target->kind == PM_LOGGER_TEMPERATURE) {
         return has_unit(input, "W")   ? PM_LOGGER_HEATS
@@ -285,6 +286,10 @@ static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger
     return pm_unit_equal(&power, &watt) ||
                    (target->kind == PM_LOGGER_LEVEL && has_unit(input, "m^3/s"))
                ? PM_LOGGER_DRIVES
+           : target->kind == PM_LOGGER_FLOW && input->dimension.known &&
+                   pm_unit_equal(&input->dimension, &target->dimension) &&
+                   !pm_unit_equal(&input->dimension, &number)
+               ? PM_LOGGER_THROUGH
                : PM_LOGGER_GAIN;
 }
 
@@ -314,6 +319,7 @@ static void find_actions(pm_logger_view *view) {
     for (int u = view->nvariable; u < view->ncolumn; ++u) {
         bool by_unit = false;
         double best = 0;
+        int strongest = -1;
         const int driven = driven_by(view, u);
         for (int pass = 0; pass < 3; ++pass) { // units, the best share, actions
             for (int c = 0; c < view->nvariable; ++c) {
@@ -321,18 +327,25 @@ static void find_actions(pm_logger_view *view) {
                     continue;
                 }
                 const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
-                const bool candidate = !by_unit || !is_learned(effect);
+                const bool candidate = (!by_unit || !is_learned(effect)) &&
+                                       (effect != PM_LOGGER_THROUGH || driven < 0);
                 const double share = view->share[c][u];
+                // A valve between two chambers moves the pressures of both.
+                const bool like_best =
+                    pass == 2 && strongest >= 0 && is_learned(effect) && view->column[c].mate < 0 &&
+                    pm_unit_equal(&view->column[c].dimension, &view->column[strongest].dimension);
                 if (pass == 0) {
                     by_unit = by_unit || !is_learned(effect);
                 } else if (pass == 1 && candidate) {
+                    strongest = share > best ? c : strongest;
                     best = fmax(best, share);
                 } else if (candidate && view->naction < PM_LOGGER_ACTIONS &&
-                           (c == driven ||
+                           (c == driven || like_best ||
                             (share >= BESIDE * best && (share > ACTS || share == best)))) {
-                    const bool beside = effect == PM_LOGGER_DRIVES && c != driven;
+                    const bool beside = (effect == PM_LOGGER_DRIVES && c != driven) ||
+                                        (effect == PM_LOGGER_THROUGH && view->coupling[c][u] <= 0);
                     view->action[view->naction++] =
-                        (pm_logger_action){u, c, beside ? PM_LOGGER_GAIN : effect, 1};
+                        (pm_logger_action){u, c, beside ? PM_LOGGER_GAIN : effect, 1, false, false};
                 }
             }
         }
@@ -364,8 +377,8 @@ static void find_scales(pm_logger_samples *w) {
         const pm_logger_action *action = &view->action[a];
         pm_logger_column *c = &view->column[action->target];
         const double response = fabs(view->coupling[action->target][action->input]);
-        if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH && response > 0 &&
-            !c->free_scale) {
+        if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH &&
+            action->effect != PM_LOGGER_THROUGH && response > 0 && !c->free_scale) {
             // Heat enters an entropy, whose derivative is the capacity over the temperature.
             c->inertia = 1 / response;
             known[action->target] = true;
@@ -659,6 +672,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);
+    PM_TRY_DONE(pm_logger_find_terms(&w));
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
     if (status != PM_OK) {

@@ -66,7 +66,8 @@ typedef enum pm_logger_effect {
     PM_LOGGER_GAIN,   // acts with a factor that is learned
     PM_LOGGER_HEATS,  // a power that becomes heat
     PM_LOGGER_WARMS,  // heats with a factor that is learned
-    PM_LOGGER_BATH    // a temperature that exchanges heat
+    PM_LOGGER_BATH,   // a temperature that exchanges heat
+    PM_LOGGER_THROUGH // a co-energy of the same kind, through a resistance
 } pm_logger_effect;
 
 // An input that acts on a variable.
@@ -74,7 +75,15 @@ typedef struct pm_logger_action {
     int input, target;
     pm_logger_effect effect;
     double gain; // with which a fit begins, in units of the energy variable of the target per s
+    bool lever;  // of PM_LOGGER_GAIN: the factor depends on positions
+    bool valve;  // likewise: it depends on the target and on the size of the input
 } pm_logger_action;
+
+// An input by which two co-energies move each other without loss, as in a switched converter: the
+// product of the input and the one moves the other.
+typedef struct pm_logger_converter {
+    int input, one, other;
+} pm_logger_converter;
 
 typedef struct pm_logger_view {
     pm_arena arena;            // owns all that follows
@@ -100,6 +109,13 @@ typedef struct pm_logger_view {
     double bath;         // K: the temperature of the surroundings
     bool leaks[PM_LOGGER_COLUMNS];  // temperatures that tend towards the surroundings
     double leak[PM_LOGGER_COLUMNS]; // 1/s: how fast
+    // What regressions on products of columns show (logger_terms.h).
+    int nconverter;
+    pm_logger_converter converter[PM_LOGGER_ACTIONS];
+    bool turns[PM_LOGGER_COLUMNS];  // co-energies whose inertia or capacity depends on positions
+    bool pushes[PM_LOGGER_COLUMNS]; // co-energies that something constant moves
+    bool crank[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] an angle tells how j moves i
+    bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
 // What the user says about the columns.

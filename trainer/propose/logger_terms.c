@@ -1,0 +1,281 @@
+// Products of columns as candidates of a regression.
+#include "propose/logger_terms.h"
+
+#include <math.h>
+#include <string.h>
+
+#define MOST (1 + PM_LOGGER_COLUMNS + 16) // terms of a regression
+#define KEPT_BACK 5                       // each fifth trajectory judges
+#define RIDGE 1e-9                        // of the diagonal of the normal equations
+#define GAINS 2e-3 // of the changes: terms that explain less on trajectories kept back are none
+#define PUSHES 0.1 // of the root mean square rate: a constant rate that is smaller is none
+
+// A factor of a term.
+typedef enum atom_kind { VALUE, SIZE, SINE, COSINE, SINE_2, COSINE_2, SQUARE } atom_kind;
+
+typedef struct atom {
+    int column;
+    atom_kind kind;
+} atom;
+
+// A product of two factors.
+typedef struct term {
+    atom factor[2];
+} term;
+
+typedef struct term_list {
+    int count;
+    term item[MOST];
+} term_list;
+
+static double value_of(const pm_logger_view *v, const double *row, const double *held, atom a) {
+    const pm_logger_column *c = &v->column[a.column];
+    const double raw = c->held ? held[a.column] : row[a.column];
+    const double size = fmax(fabs(c->least), fabs(c->largest));
+    const double y = size > 0 ? raw / size : raw;
+    switch (a.kind) {
+    case SIZE:
+        return fabs(y);
+    case SINE:
+        return sin(raw);
+    case COSINE:
+        return cos(raw);
+    case SINE_2:
+        return sin(2 * raw);
+    case COSINE_2:
+        return cos(2 * raw);
+    case SQUARE:
+        return y * y;
+    case VALUE:
+        break;
+    }
+    return y;
+}
+
+// Normal equations of the windows that learn, and of those that judge.
+typedef struct equations {
+    int n;
+    double matrix[MOST][MOST], right[MOST], square;
+} equations;
+
+static void add_equation(equations *e, const double *x, double y) {
+    for (int i = 0; i < e->n; ++i) {
+        for (int j = 0; j < e->n; ++j) {
+            e->matrix[i][j] += x[i] * x[j];
+        }
+        e->right[i] += x[i] * y;
+    }
+    e->square += y * y;
+}
+
+// Solves the first n equations of `learn`, writes the solution x [n], and returns the unexplained
+// part of the squares of `judge`.
+static double rest_of(const equations *learn, const equations *judge, int n, double *x) {
+    double l[MOST][MOST];
+    for (int i = 0; i < n; ++i) {
+        for (int j = 0; j <= i; ++j) {
+            double sum = learn->matrix[i][j] + (i == j ? RIDGE * learn->matrix[i][i] : 0);
+            for (int k = 0; k < j; ++k) {
+                sum -= l[i][k] * l[j][k];
+            }
+            if (i == j && !(sum > 0)) {
+                sum = INFINITY; // nothing depends on this term
+            }
+            l[i][j] = i == j ? sqrt(sum) : sum / l[j][j];
+        }
+        double sum = learn->right[i];
+        for (int k = 0; k < i; ++k) {
+            sum -= l[i][k] * x[k];
+        }
+        x[i] = sum / l[i][i];
+    }
+    for (int i = n - 1; i >= 0; --i) {
+        for (int k = i + 1; k < n; ++k) {
+            x[i] -= l[k][i] * x[k];
+        }
+        x[i] /= l[i][i];
+    }
+    double rest = judge->square;
+    for (int i = 0; i < n; ++i) {
+        rest -= 2 * x[i] * judge->right[i];
+        for (int j = 0; j < n; ++j) {
+            rest += x[i] * judge->matrix[i][j] * x[j];
+        }
+    }
+    return judge->square > 0 ? rest / judge->square : 1;
+}
+
+// Returns how much of the changes of variable `target` the terms explain beside all columns, on the
+// trajectories that are kept back. Writes the coefficient of the last term, unless it is NULL.
+static double gain_of(const pm_logger_samples *w, int target, const term_list *list,
+                      equations *learn, double *coefficient) {
+    const pm_logger_view *v = w->view;
+    const pm_dataset *d = v->dataset;
+    const int length = w->length, base = 1 + v->ncolumn;
+    equations *judge = learn + 1;
+    if (list->count == 0 || base + list->count > MOST) {
+        return 0;
+    }
+    memset(learn, 0, 2 * sizeof *learn);
+    learn->n = judge->n = base + list->count;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k + length < d->ntime; k += length) {
+            double x[MOST] = {0};
+            for (int j = k; j < k + length; ++j) {
+                const double *first = pm_logger_row(w, i, j), *last = pm_logger_row(w, i, j + 1);
+                const double half = (pm_logger_time(w, i, j + 1) - pm_logger_time(w, i, j)) / 2;
+                x[0] += 2 * half;
+                for (int c = 0; c < v->ncolumn; ++c) {
+                    const double scale = v->column[c].deviation > 0 ? v->column[c].deviation : 1;
+                    const double next = v->column[c].held ? first[c] : last[c];
+                    x[1 + c] += half * (first[c] + next - 2 * v->column[c].mean) / scale;
+                }
+                for (int t = 0; t < list->count; ++t) {
+                    const atom *a = list->item[t].factor;
+                    x[base + t] +=
+                        half * (value_of(v, first, first, a[0]) * value_of(v, first, first, a[1]) +
+                                value_of(v, last, first, a[0]) * value_of(v, last, first, a[1]));
+                }
+            }
+            const double change =
+                pm_logger_row(w, i, k + length)[target] - pm_logger_row(w, i, k)[target];
+            bool whole = isfinite(change);
+            for (int t = 0; t < learn->n; ++t) {
+                whole = whole && isfinite(x[t]);
+            }
+            if (whole) {
+                add_equation(i % KEPT_BACK == KEPT_BACK - 1 ? judge : learn, x, change);
+            }
+        }
+    }
+    double x[MOST];
+    const double without = rest_of(learn, judge, base, x);
+    const double with = rest_of(learn, judge, learn->n, x);
+    if (coefficient != NULL) {
+        *coefficient = x[learn->n - 1];
+    }
+    return without - with;
+}
+
+static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind other) {
+    if (list->count < MOST) {
+        list->item[list->count++] = (term){{{a, one}, {b, other}}};
+    }
+}
+
+// Adds products of a factor with all positions of a part, or with angles alone.
+static void add_positions(const pm_logger_view *v, term_list *list, int part, int column,
+                          atom_kind kind, bool lengths) {
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *c = &v->column[q];
+        if (c->kind != PM_LOGGER_POSITION || c->part != part) {
+            continue;
+        }
+        if (c->angle) {
+            for (atom_kind k = SINE; k <= COSINE_2; ++k) {
+                add_term(list, column, kind, q, k);
+            }
+        } else if (lengths) {
+            add_term(list, column, kind, q, VALUE);
+            add_term(list, column, kind, q, SQUARE);
+        }
+    }
+}
+
+pm_status pm_logger_find_terms(pm_logger_samples *w) {
+    pm_logger_view *v = w->view;
+    equations *work = pm_arena_array(&v->arena, 2, sizeof *work);
+    PM_TRY(pm_arena_status(&v->arena, "regressions"));
+    for (int a = 0; a < v->naction; ++a) {
+        pm_logger_action *action = &v->action[a];
+        const pm_logger_column *y = &v->column[action->target];
+        term_list lever = {0}, valve = {0};
+        if (action->effect != PM_LOGGER_GAIN) {
+            continue;
+        }
+        add_positions(v, &lever, y->part, action->input, VALUE, true);
+        action->lever = gain_of(w, action->target, &lever, work, NULL) > GAINS;
+        add_term(&valve, action->input, VALUE, action->target, VALUE);
+        add_term(&valve, action->input, SIZE, action->target, VALUE);
+        add_term(&valve, action->input, VALUE, action->input, SIZE);
+        add_term(&valve, action->input, VALUE, action->target, SQUARE);
+        action->valve = y->mate < 0 && gain_of(w, action->target, &valve, work, NULL) > GAINS;
+    }
+    for (int i = 0; i < v->nvariable; ++i) {
+        const pm_logger_column *y = &v->column[i];
+        if (y->kind != PM_LOGGER_FLOW) {
+            continue;
+        }
+        term_list turning = {0};
+        if (y->mate >= 0) {
+            for (atom_kind k = SINE; k <= COSINE_2 && v->column[y->mate].angle; ++k) {
+                add_term(&turning, i, SQUARE, y->mate, k);
+            }
+            if (!v->column[y->mate].angle) {
+                add_term(&turning, i, SQUARE, y->mate, VALUE);
+                add_term(&turning, i, SQUARE, i, SIZE);
+            }
+            v->turns[i] = gain_of(w, i, &turning, work, NULL) > GAINS;
+        } else {
+            // A capacity that depends on positions divides all that moves the variable.
+            for (int j = 0; j < v->ncolumn; ++j) {
+                if (v->share[i][j] > GAINS && v->column[j].kind != PM_LOGGER_POSITION) {
+                    add_positions(v, &turning, y->part, j, VALUE, true);
+                }
+            }
+            v->turns[i] = gain_of(w, i, &turning, work, NULL) > GAINS;
+            double rate = 0;
+            int count = 0;
+            const pm_dataset *d = v->dataset;
+            for (int k = 0; k + 1 < w->nrow; ++k) {
+                const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+                const double step =
+                    (row[PM_LOGGER_COLUMNS + i] - row[i]) / (w->time[k + 1] - w->time[k]);
+                const bool inside = (k + 1) % d->ntime != 0 && isfinite(step);
+                rate += inside ? step * step : 0;
+                count += inside;
+            }
+            v->pushes[i] = fabs(y->constant) > PUSHES * sqrt(rate / (count > 0 ? count : 1));
+        }
+        // What flows may turn with an angle, or with an input.
+        for (int j = 0; j < v->nvariable; ++j) {
+            const pm_logger_column *other = &v->column[j];
+            if (j == i || other->kind != PM_LOGGER_FLOW || other->part != y->part) {
+                continue;
+            }
+            term_list crank = {0};
+            if (y->mate < 0 || other->mate < 0) {
+                add_positions(v, &crank, y->part, j, VALUE, false);
+            }
+            v->crank[i][j] = gain_of(w, i, &crank, work, NULL) > GAINS;
+            for (int u = v->nvariable; u < v->ncolumn; ++u) {
+                term_list product = {0};
+                add_term(&product, u, VALUE, j, VALUE);
+                if (v->nconverter < PM_LOGGER_ACTIONS &&
+                    gain_of(w, i, &product, work, NULL) > GAINS) {
+                    v->converter[v->nconverter++] = (pm_logger_converter){u, i, j};
+                }
+            }
+        }
+        for (int t = 0; t < v->nvariable; ++t) {
+            if (v->column[t].kind == PM_LOGGER_TEMPERATURE && v->column[t].part == y->part) {
+                term_list heat = {0};
+                double rise = 0;
+                add_term(&heat, i, SIZE, i, SIZE);
+                v->warms[i][t] = gain_of(w, t, &heat, work, &rise) > GAINS && rise > 0;
+                if (v->warms[i][t] && v->column[t].free_scale) {
+                    // The power of the loss gives the scale of all capacities.
+                    const double size = fmax(fabs(y->least), fabs(y->largest));
+                    const double power = y->inertia * fmax(y->decay, 0) * size * size;
+                    const double scale = power > 0 ? power / (rise * v->column[t].inertia) : 1;
+                    v->column[t].free_scale = false;
+                    for (int k = 0; k < v->nvariable; ++k) {
+                        v->column[k].inertia *=
+                            v->column[k].kind == PM_LOGGER_TEMPERATURE ? scale : 1;
+                    }
+                }
+            }
+        }
+    }
+    return PM_OK;
+}
