@@ -239,8 +239,10 @@ static pm_status run_together(const pm_setup *setup, pm_observer *observer) {
         return pm_fail(PM_EUSAGE, "run: live inputs arrive over LCM: --in-process needs --replay");
     }
     PM_TRY_DONE(pm_gate_init(&gate, observer->options->gate));
-    PM_TRY_DONE(
-        pm_local_run_open(&run, setup, pm_scene_may_report_sums(setup->scene) && !as.want_state));
+    PM_TRY_DONE(pm_local_run_open(&run, setup,
+                                  pm_scene_may_report_sums(setup->scene) && !as.want_state
+                                      ? PM_LOCAL_SUMS
+                                      : PM_LOCAL_SAMPLES));
     status = step_to_the_end(&run, &gate, &pace, &as.observer);
     status = pm_observer_finish(observer, status, &run.ledger, &pace, "in one process");
 done:

@@ -498,7 +498,7 @@ static pm_status run_here(assembly *a, crossing *port, pm_ledger *ledger) {
                : MOST_ROUNDS / rounds > MOST_STEPS ? MOST_STEPS
                                                    : MOST_ROUNDS / rounds;
     pm_local_run run = {0};
-    pm_status status = pm_local_run_open(&run, &a->setup, false);
+    pm_status status = pm_local_run_open(&run, &a->setup, PM_LOCAL_SAMPLES);
     const double started = pm_clock();
     while (status == PM_OK && run.sample.step < most) {
         status =

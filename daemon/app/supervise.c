@@ -14,6 +14,7 @@
 #include "app/prepare.h"
 #include "app/serve.h"
 #include "lockstep/coordinator.h"
+#include "lockstep/lookahead.h"
 #include "store/snapshot.h"
 
 #define WATCH_INTERVAL 5000000 // ns between two looks at the children
@@ -47,7 +48,11 @@ static pm_status start_all(pm_launch *launch, shared *s) {
     PM_TRY(pm_prepare_checkpoint(s->setup, &s->options, NULL, &checkpoint));
     // The session is that of the checkpoints, or else a random one. The recording of a new run is
     // checked here, since each new coordinator replaces what the one before has left of it.
-    PM_TRY(pm_snapshot_session(checkpoint, s->setup->system->digest, &s->options.session, &found));
+    const pm_snapshot_key key = {.digest = s->setup->system->digest,
+                                 .owner =
+                                     pm_checkpoint_owner(&s->setup->arena, scene, "coordinator")};
+    PM_TRY(pm_arena_status(&s->setup->arena, "%s", checkpoint));
+    PM_TRY(pm_snapshot_session(checkpoint, &key, &s->options.session, &found));
     if (!found) {
         PM_TRY(pm_observer_check_recording(&s->options));
         s->options.session = pm_lockstep_session();

@@ -24,3 +24,7 @@ pm_status pm_fail(pm_status code, const char *format, ...) {
 const char *pm_error(void) {
     return last_error;
 }
+
+void pm_forget_error(void) {
+    last_error[0] = '\0';
+}

@@ -31,8 +31,10 @@ typedef enum pm_status {
 pm_status pm_fail(pm_status code, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 // Returns the calling thread's last description; "" if there is none. The text is valid until the
-// next pm_fail of this thread.
+// next pm_fail or pm_forget_error of this thread.
 const char *pm_error(void);
+// Forgets the calling thread's last description.
+void pm_forget_error(void);
 
 // Returns from the calling function with the value of `expression` unless it is PM_OK.
 #define PM_TRY(expression)                       \

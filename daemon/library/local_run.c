@@ -5,17 +5,19 @@
 
 static pm_status book(pm_local_run *run) {
     pm_tally tally;
-    run->sample = run->sums ? *pm_monolithic_sums(run->monolithic, &tally)
-                            : *pm_monolithic_sample(run->monolithic);
+    const bool sums = run->need == PM_LOCAL_SUMS;
+    run->sample = sums ? *pm_monolithic_sums(run->monolithic, &tally)
+                       : *pm_monolithic_sample(run->monolithic);
     run->sample.live = run->setup->live;
-    return run->sums ? pm_ledger_add_sums(&run->ledger, &run->sample, &tally)
-                     : pm_ledger_add_sample(&run->ledger, &run->sample);
+    return sums ? pm_ledger_add_sums(&run->ledger, &run->sample, &tally)
+                : pm_ledger_add_sample(&run->ledger, &run->sample);
 }
 
-pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, bool sums) {
-    *run = (pm_local_run){.setup = setup, .sums = sums};
+pm_status pm_local_run_open(pm_local_run *run, const pm_setup *setup, pm_local_need need) {
+    *run = (pm_local_run){.setup = setup, .need = need};
     PM_TRY(pm_monolithic_open(&run->monolithic, setup->system));
     pm_monolithic_set_boundary_input(run->monolithic, &setup->boundary_input);
+    PM_TRY(need == PM_LOCAL_UNDO ? pm_monolithic_keep_steps(run->monolithic) : PM_OK);
     return pm_local_run_start(run, setup->initial);
 }
 
@@ -42,5 +44,17 @@ pm_status pm_local_run_step(pm_local_run *run) {
         memcpy(setup->live, setup->replay + (size_t)step * n, n * sizeof *setup->live);
     }
     PM_TRY(pm_monolithic_step(run->monolithic));
-    return book(run);
+    const pm_ledger ledger = run->ledger;
+    const pm_sample sample = run->sample;
+    pm_status status = book(run);
+    if (status == PM_OK && run->recording != NULL) {
+        status = pm_recording_append(run->recording, &run->sample);
+    }
+    if (status != PM_OK && run->need == PM_LOCAL_UNDO) {
+        pm_monolithic_undo_step(run->monolithic);
+        (void)pm_monolithic_sample(run->monolithic); // fills the arrays of the sample
+        run->ledger = ledger;
+        run->sample = sample;
+    }
+    return status;
 }

@@ -2,6 +2,7 @@
 #include "library/portmet.h"
 
 #include <math.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #include "base/linalg.h"
@@ -15,8 +16,8 @@ struct portmet_scene {
     pm_scene_variables variables;
     double *input; // [nprescribed] held values, NaN: the scene's own
     double ledger[PORTMET_LEDGER_SIZE];
-    pm_recording *recording; // NULL: nobody records
     pm_remote_scene *remote; // that other processes step; NULL: it is stepped here
+    atomic_flag busy;        // a thread is changing the scene
 };
 
 const char *portmet_version(void) {
@@ -61,9 +62,32 @@ static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights
     }
     s->setup.boundary_input.held = s->input;
     PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
-    PM_TRY(pm_local_run_open(&s->run, &s->setup, false));
+    PM_TRY(pm_local_run_open(&s->run, &s->setup, PM_LOCAL_UNDO));
     copy_ledger(s);
     return PM_OK;
+}
+
+static const char *scene_name(const portmet_scene *scene) {
+    return scene->remote != NULL ? scene->remote->name : scene->setup.scene->name;
+}
+
+// Begins a call that changes the scene, unless another thread is changing it.
+static pm_status enter(portmet_scene *scene) {
+    pm_forget_error();
+    return !atomic_flag_test_and_set(&scene->busy)
+               ? PM_OK
+               : pm_fail(PM_EUSAGE, "scene %s: another thread is using it", scene_name(scene));
+}
+
+static int leave(portmet_scene *scene, pm_status status) {
+    if (scene->remote == NULL) {
+        copy_ledger(scene);
+    }
+    if (status == PM_OK) {
+        pm_forget_error();
+    }
+    atomic_flag_clear(&scene->busy);
+    return (int)status;
 }
 
 static pm_status open_scene(portmet_scene **scene, pm_scene *description, const char *weights) {
@@ -73,13 +97,14 @@ static pm_status open_scene(portmet_scene **scene, pm_scene *description, const 
         pm_scene_free(description);
         return pm_fail(PM_ENOMEM, "out of memory for a scene");
     }
+    atomic_flag_clear(&s->busy);
     const pm_status status = open_run(s, description, weights);
     if (status != PM_OK) {
         portmet_scene_close(s);
         return status;
     }
     *scene = s;
-    return PM_OK;
+    return (pm_status)leave(s, PM_OK);
 }
 
 int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights) {
@@ -120,7 +145,7 @@ int portmet_scene_connect(portmet_scene **scene, const char *name, const char *u
         return (int)status;
     }
     *scene = s;
-    return PORTMET_OK;
+    return leave(s, PM_OK);
 }
 
 void portmet_scene_close(portmet_scene *scene) {
@@ -135,7 +160,7 @@ void portmet_scene_close(portmet_scene *scene) {
         free(remote);
         free(scene);
     } else if (scene != NULL) {
-        (void)pm_recording_close(scene->recording);
+        (void)pm_recording_close(scene->run.recording);
         pm_local_run_close(&scene->run);
         pm_setup_free(&scene->setup);
         free(scene);
@@ -144,55 +169,72 @@ void portmet_scene_close(portmet_scene *scene) {
 
 // --- stepping ---
 
+static pm_status take_steps(portmet_scene *scene, int64_t count) {
+    if (count < 0) {
+        return pm_fail(PM_EUSAGE, "scene %s: %lld steps: expected 0 or more", scene_name(scene),
+                       (long long)count);
+    }
+    if (scene->remote != NULL && count > 0) {
+        return pm_remote_scene_ask(scene->remote, (portmet_control_t){
+                                                      .kind = PORTMET_CONTROL_T_ADVANCE,
+                                                      .steps = count,
+                                                  });
+    }
+    for (int64_t i = 0; i < count; ++i) {
+        PM_TRY(pm_local_run_step(&scene->run));
+    }
+    return PM_OK;
+}
+
 int portmet_scene_step(portmet_scene *scene, int64_t count) {
-    if (scene->remote != NULL) {
-        return count <= 0
-                   ? PORTMET_OK
-                   : (int)pm_remote_scene_ask(scene->remote, (portmet_control_t){
-                                                                 .kind = PORTMET_CONTROL_T_ADVANCE,
-                                                                 .steps = count,
-                                                             });
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
     }
-    pm_status status = PM_OK;
-    for (int64_t i = 0; i < count && status == PM_OK; ++i) {
-        status = pm_local_run_step(&scene->run);
-        if (status == PM_OK && scene->recording != NULL) {
-            status = pm_recording_append(scene->recording, &scene->run.sample);
-        }
-    }
-    copy_ledger(scene);
-    return (int)status;
+    return leave(scene, take_steps(scene, count));
 }
 
 static pm_status end_recording(portmet_scene *scene) {
-    pm_recording *recording = scene->recording;
-    scene->recording = NULL;
+    pm_recording *recording = scene->run.recording;
+    scene->run.recording = NULL;
     return pm_recording_close(recording);
 }
 
+static pm_status restart(portmet_scene *scene, const double *z) {
+    const pm_remote_scene *remote = scene->remote;
+    const int nz = remote != NULL ? remote->served->nz : scene->setup.scene->physics.nz;
+    for (int i = 0; z != NULL && i < nz; ++i) {
+        if (!isfinite(z[i])) {
+            return pm_fail(PM_ENUMERIC, "scene %s: restart with %s = %g", scene_name(scene),
+                           portmet_scene_name(scene, PORTMET_VARIABLE, (size_t)i), z[i]);
+        }
+    }
+    if (remote != NULL) {
+        return pm_remote_scene_ask(scene->remote, (portmet_control_t){
+                                                      .kind = PORTMET_CONTROL_T_RESET,
+                                                      .held = true,
+                                                      .nz = z == NULL ? 0 : nz,
+                                                      .z = (double *)z,
+                                                  });
+    }
+    PM_TRY(end_recording(scene));
+    return pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
+}
+
 int portmet_scene_restart(portmet_scene *scene, const double *z) {
-    if (scene->remote != NULL) {
-        return (int)pm_remote_scene_ask(scene->remote,
-                                        (portmet_control_t){
-                                            .kind = PORTMET_CONTROL_T_RESET,
-                                            .held = true,
-                                            .nz = z == NULL ? 0 : scene->remote->served->nz,
-                                            .z = (double *)z,
-                                        });
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
     }
-    pm_status status = end_recording(scene);
-    if (status == PM_OK) {
-        status = pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
-        copy_ledger(scene);
-    }
-    return (int)status;
+    return leave(scene, restart(scene, z));
 }
 
 // Asks those who step the scene elsewhere.
 static int ask(portmet_scene *scene, portmet_control_t request) {
-    return scene->remote != NULL
-               ? (int)pm_remote_scene_ask(scene->remote, request)
-               : (int)pm_fail(PM_EUSAGE, "scene %s is stepped here", scene->setup.scene->name);
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave(scene, scene->remote != NULL
+                            ? pm_remote_scene_ask(scene->remote, request)
+                            : pm_fail(PM_EUSAGE, "scene %s is stepped here", scene_name(scene)));
 }
 
 int portmet_scene_set_state(portmet_scene *scene, const double *z) {
@@ -319,21 +361,24 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
 // --- recording ---
 
 static pm_status record(portmet_scene *scene, const char *path) {
+    if (scene->remote != NULL) {
+        return pm_fail(PM_EUSAGE,
+                       "scene %s is recorded where it is stepped, under the name that "
+                       "portmet_scene_connect was given",
+                       scene_name(scene));
+    }
     PM_TRY(end_recording(scene));
     if (path == NULL) {
         return PM_OK;
     }
     PM_TRY(pm_recording_check(path, false));
-    PM_TRY(pm_recording_open(&scene->recording, path, scene->setup.scene));
-    return pm_recording_append(scene->recording, &scene->run.sample);
+    PM_TRY(pm_recording_open(&scene->run.recording, path, scene->setup.scene));
+    return pm_recording_append(scene->run.recording, &scene->run.sample);
 }
 
 int portmet_scene_record(portmet_scene *scene, const char *path) {
-    if (scene->remote != NULL) {
-        return (int)pm_fail(PM_EUSAGE,
-                            "scene %s is recorded where it is stepped, under the name "
-                            "that portmet_scene_connect was given",
-                            scene->remote->name);
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
     }
-    return (int)record(scene, path);
+    return leave(scene, record(scene, path));
 }

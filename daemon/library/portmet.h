@@ -12,7 +12,8 @@
  * No function prints, exits or changes global state. A function that can fail returns 0 on success
  * and else a code of portmet_status, and portmet_error() says in one line what failed. The numbers
  * of a run are those of `portmetd run`, bit by bit. Threads may use different scenes at the same
- * time; one scene belongs to one thread at a time. All numbers are in SI units.
+ * time; one scene belongs to one thread at a time: a call for a scene that another thread is
+ * stepping, restarting or recording is refused with PORTMET_EUSAGE. All numbers are in SI units.
  *
  * The interface grows only at its end: a program that was linked with this version runs with every
  * later one of the same major number. */
@@ -45,8 +46,8 @@ enum portmet_status {
 /* Returns the version of the library, such as "0.1.0". */
 const char *portmet_version(void);
 
-/* Returns the description of this thread's last failure: one line, "" if there was none. It is
- * valid until the next failure of this thread. */
+/* Returns the description of the failure of this thread's last call that can fail: one line, "" if
+ * it succeeded. It is valid until the next such call of this thread. */
 const char *portmet_error(void);
 
 typedef struct portmet_scene portmet_scene;
@@ -75,12 +76,14 @@ int portmet_scene_connect(portmet_scene **scene, const char *name, const char *u
                           const char *key_file, const char *record, double patience);
 void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
 
-/* Takes `count` steps and returns after the first failure. After PORTMET_ENUMERIC or PORTMET_EDATA
- * the failed step is not taken. */
+/* Takes `count` steps, 0 or more, and returns after the first failure. The failed step is not
+ * taken: all arrays have the bits that they had before it, and so have all later steps. A recording
+ * that has failed must be ended before the next step. */
 int portmet_scene_step(portmet_scene *scene, int64_t count);
 
 /* Starts again at step 0 with an empty ledger, at the state z, which has the size and the order of
- * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends. */
+ * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends.
+ * PORTMET_ENUMERIC: a number of `z` is not finite; the run is as it was. */
 int portmet_scene_restart(portmet_scene *scene, const double *z);
 
 /* These functions are for scenes that portmet_scene_connect has opened; for others they fail with

@@ -276,10 +276,13 @@ static pm_status keep_or_restore(pm_control *control, client *from, const portme
     memcpy(live, pm_live_inputs_values(&c->live, c->completed - 1), (size_t)nlive * sizeof *live);
     pm_serializer serializer = pm_serializer_save("control", number);
     list(&serializer, &point, nz, c->last->z, nlive, live);
-    const pm_snapshot_key key = {c->endpoint.system->digest, serializer.layout, serializer.count};
+    char owner[PM_SNAPSHOT_OWNER];
+    snprintf(owner, sizeof owner, "clients of scene %s", c->scene->name);
+    const pm_snapshot_key key = {c->endpoint.system->digest, serializer.layout, serializer.count,
+                                 owner};
     if (r->kind == PORTMET_CONTROL_T_CHECKPOINT) {
         // Another kind of file is not replaced.
-        PM_TRY(pm_snapshot_session(path, key.digest, &session, &found));
+        PM_TRY(pm_snapshot_session(path, &key, &session, &found));
         return pm_snapshot_save(path, &key, c->endpoint.session, number);
     }
     PM_TRY(pm_snapshot_load(path, &key, &session, number, &found));

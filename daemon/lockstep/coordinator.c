@@ -174,11 +174,12 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     pm_serializer serializer = pm_serializer_count("coordinator");
     list(c, &serializer, &completed);
     c->checkpoint_key =
-        (pm_snapshot_key){c->endpoint.system->digest, serializer.layout, serializer.count};
+        (pm_snapshot_key){c->endpoint.system->digest, serializer.layout, serializer.count,
+                          pm_checkpoint_owner(&c->arena, c->scene, "coordinator")};
     c->checkpoint_state =
         pm_arena_array(&c->arena, (size_t)serializer.count, sizeof *c->checkpoint_state);
     PM_TRY(pm_arena_status(&c->arena, "the coordinator"));
-    PM_TRY(pm_snapshot_session(c->checkpoint, c->endpoint.system->digest, &session, &found));
+    PM_TRY(pm_snapshot_session(c->checkpoint, &c->checkpoint_key, &session, &found));
     if (!found || (wanted > 0 && wanted != session)) {
         c->checkpoint_state[0] = -1; // no step is complete
         return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,

@@ -25,3 +25,7 @@ int64_t pm_checkpoint_interval(const pm_scene *scene) {
     const int64_t least = 2 * (int64_t)scene->network.window;
     return scene->network.checkpoint > least ? scene->network.checkpoint : least;
 }
+
+const char *pm_checkpoint_owner(pm_arena *arena, const pm_scene *scene, const char *process) {
+    return pm_arena_printf(arena, "%s of scene %s", process, scene->name);
+}

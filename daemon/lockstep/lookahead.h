@@ -24,4 +24,8 @@ bool pm_lookahead_uses_fluxes(const pm_scene *scene);
 // its window.
 int64_t pm_checkpoint_interval(const pm_scene *scene);
 
+// Returns the owner (store/snapshot.h) of the checkpoints of a process, or of the "coordinator".
+// The text lies in the arena; NULL: the arena has no memory.
+const char *pm_checkpoint_owner(pm_arena *arena, const pm_scene *scene, const char *process);
+
 #endif

@@ -210,7 +210,7 @@ static pm_status has_session(const pm_checkpoint_ring *ring, int64_t session, bo
     int64_t found_session = 0;
     bool found = false;
     if (ring->path != NULL) {
-        PM_TRY(pm_snapshot_session(ring->path, ring->key.digest, &found_session, &found));
+        PM_TRY(pm_snapshot_session(ring->path, &ring->key, &found_session, &found));
     }
     *known = found && found_session == session;
     return PM_OK;
@@ -1110,7 +1110,8 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
         list(&serializer, &start, subsystems);
         ring->interval = pm_checkpoint_interval(scene);
         ring->size = serializer.count;
-        ring->key = (pm_snapshot_key){system->digest, serializer.layout, 2 * serializer.count};
+        ring->key = (pm_snapshot_key){system->digest, serializer.layout, 2 * serializer.count,
+                                      pm_checkpoint_owner(arena, scene, made->name)};
         ring->state = pm_arena_array(arena, 2 * (size_t)ring->size, sizeof *ring->state);
         PM_TRY_DONE(pm_arena_status(arena, "%s", ring->path));
         ring->state[0] = -1;

@@ -177,8 +177,8 @@ struct pm_data {
     long step;          // steps completed in this run
     bool doubtful;      // a check of the present step has found something
     double *state[3];   // [size] each: memory for the states below
-    // States after the last substep, at the present stage, and after the last completed step. Each
-    // is one of `state`; an explicit method lets two of them be the same.
+    // States after the last substep, at the present stage, and at the start of the step that was
+    // begun last. Each is one of `state`; an explicit method lets two of them be the same.
     double *z, *stage_z, *safe_z;
     double *shown[PM_SHOWN_COUNT]; // [size]; NULL: there is no response
     double *k;                     // [stages][size] rates of the stages; of an iteration the last
@@ -197,7 +197,7 @@ struct pm_data {
     // [own_lanes], [PM_MAX_GROUPS][own_lanes] largest relative error of a substep in the present
     // step, and the largest length that each group of variables has had; NULL: not estimated.
     double *error, *length;
-    pm_invariant_projection *projection, *safe_projection; // [own_lanes]; NULL: not balanced
+    pm_invariant_projection *projection; // [own_lanes]; NULL: not balanced
     double *coupled; // [3][most_nz][PM_MOST_LANES] what a block showed when it was coupled
     // [own_lanes] of an implicit method; NULL: the method is explicit. The second says whether the
     // last iterate differs from the one before.
@@ -210,6 +210,17 @@ struct pm_data {
     pm_flux *remote_flux; // [nremote] into the subsystem here during the last step
     // How often in this run an exposure, a bulk term and a law could have been evaluated.
     long exposure_calls, bulk_calls, port_calls;
+    // What a step overwrites, as it was before the step, so that the step can be undone. What
+    // follows from the state alone is computed again. All is NULL unless steps are kept.
+    struct {
+        bool begun;                         // a step has begun that can be undone
+        long step, exposures, bulks, ports; // of the counts above
+        size_t size;                        // bytes of `kept`
+        void *now, *kept;                   // [size] all arrays of counts and of what changed
+        double *ghost[PM_SHOWN_COUNT];      // [size - own_size] what the ghosts showed
+        pm_lane_flux bulk, flux[2];         // fluxes of the step before
+        double *object;                     // of the objects of kinds, and of predictions
+    } before;
     double *scratch;    // [4 most_nz]
     double *prescribed; // [2][scene->nprescribed] values of all boundary inputs, and work space
     pm_flux *books;     // [2 most_nport] the fluxes of pm_books

@@ -1,13 +1,7 @@
 // What a subsystem knows of the convergence of all.
 #include "sim/iteration.h"
 
-#include <math.h>
-
 #define BITS 64
-
-void pm_iteration_start(pm_iteration *iteration) {
-    *iteration = (pm_iteration){.change = INFINITY, .heard = UINT64_MAX};
-}
 
 void pm_iteration_hear(pm_iteration *iteration, uint64_t known) {
     iteration->heard &= known;

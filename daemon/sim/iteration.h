@@ -9,6 +9,7 @@
 #ifndef PM_SIM_ITERATION_H
 #define PM_SIM_ITERATION_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -26,7 +27,9 @@ typedef struct pm_iteration {
 } pm_iteration;
 
 // Begins the iteration of a substep.
-void pm_iteration_start(pm_iteration *iteration);
+static inline void pm_iteration_start(pm_iteration *iteration) {
+    *iteration = (pm_iteration){.change = INFINITY, .heard = UINT64_MAX};
+}
 
 // Takes in what a neighbour has exposed in this round.
 void pm_iteration_hear(pm_iteration *iteration, uint64_t known);

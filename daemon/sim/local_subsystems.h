@@ -92,8 +92,15 @@ void pm_local_subsystems_advance(pm_local_subsystems *local);
 // Ends a step after its last round. PM_ENUMERIC: a state or a potential is not finite, a state is
 // further outside the training range than the scene's guard allows, or a solid found no balance of
 // forces. PM_EDATA: the dataset behind a boundary input is over. On failure all states are those of
-// the last successful step.
+// the last successful step, and if steps are kept, the step is undone.
 pm_status pm_local_subsystems_end_step(pm_local_subsystems *local);
+// Keeps from now on what a step overwrites. This takes a copy of all counts in each step, and
+// memory for a second set of fluxes. To be called between two steps. PM_ENOMEM.
+pm_status pm_local_subsystems_keep_steps(pm_local_subsystems *local);
+// Undoes the step that was begun or completed last, if steps are kept: states, books, counts, and
+// all that a later step depends on have the bits that they had before it. Does nothing if no step
+// was begun since the start of the run, or since the last call.
+void pm_local_subsystems_undo_step(pm_local_subsystems *local);
 
 // Return the books of the last step of subsystem number `i` of those here, and write its state to z
 // [nz]. The fluxes of the books are owned by the object, and valid until the next call.

@@ -447,6 +447,13 @@ static pm_status open_port_group(pm_model *m, pm_port_group *group) {
 
 // --- data ---
 
+// Returns the next array of a piece of memory, or NULL if it has no elements.
+static void *take(char **memory, size_t count, size_t size) {
+    void *array = *memory;
+    *memory += count * size;
+    return count == 0 ? NULL : array;
+}
+
 static pm_status open_data(const pm_model *m, pm_data *d, pm_arena *arena) {
     const pm_scene *scene = m->system->scene;
     const bool implicit = m->method->implicit;
@@ -457,13 +464,14 @@ static pm_status open_data(const pm_model *m, pm_data *d, pm_arena *arena) {
     const int nshown = implicit ? 4 : 2;
     double *memory = pm_arena_array(
         arena, (3 + (size_t)nshown + nstage + (m->needs_end_rates ? 1 : 0)) * size, sizeof *memory);
-    uint64_t *changed = pm_arena_array(arena, PM_SHOWN_COUNT * (size_t)m->lanes, sizeof *changed);
+    const size_t nghost = size - (size_t)m->own_size, nremote = (size_t)m->nremote;
+    const bool adaptive = pm_physics_is_adaptive(&scene->physics);
+    uint64_t *changed;
     PM_TRY(pm_arena_status(arena, "the subsystems of a process"));
     for (int i = 0; i < 3; ++i, memory += size) {
         d->state[i] = memory;
     }
     for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
-        d->changed[i] = changed + i * m->lanes;
         if (implicit || i == PM_SHOWN_DE || i == PM_SHOWN_DS) {
             d->shown[i] = memory;
             memory += size;
@@ -471,22 +479,33 @@ static pm_status open_data(const pm_model *m, pm_data *d, pm_arena *arena) {
     }
     d->k = memory;
     d->end_k = m->needs_end_rates ? memory + nstage * size : NULL;
-    d->ghost_z = pm_arena_array(arena, size - (size_t)m->own_size, sizeof *d->ghost_z);
+    // The arrays that a step changes in place lie in one piece, so that one copy keeps them.
+    const size_t nprojection = m->integrator->balanced ? lanes : 0, nerror = adaptive ? lanes : 0;
+    d->before.size = PM_SHOWN_COUNT * (size_t)m->lanes * sizeof *changed +
+                     (3 * lanes + (size_t)m->port_lanes) * sizeof(long) +
+                     (nghost + (1 + PM_MAX_GROUPS) * nerror) * sizeof(double) +
+                     nremote * sizeof *d->remote_flux + nprojection * sizeof *d->projection;
+    char *now = d->before.now = pm_arena_alloc(arena, d->before.size);
+    PM_TRY(pm_arena_status(arena, "the subsystems of a process"));
+    changed = take(&now, PM_SHOWN_COUNT * (size_t)m->lanes, sizeof *changed);
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        d->changed[i] = changed + i * m->lanes;
+    }
+    d->rested = take(&now, lanes, sizeof *d->rested);
+    d->more_exposures = take(&now, lanes, sizeof *d->more_exposures);
+    d->out_of_range = take(&now, lanes, sizeof *d->out_of_range);
+    d->port_rested = take(&now, (size_t)m->port_lanes, sizeof *d->port_rested);
+    d->ghost_z = take(&now, nghost, sizeof *d->ghost_z);
+    d->error = take(&now, nerror, sizeof *d->error);
+    d->length = take(&now, PM_MAX_GROUPS * nerror, sizeof *d->length);
+    d->remote_flux = take(&now, nremote, sizeof *d->remote_flux);
+    d->projection = take(&now, nprojection, sizeof *d->projection);
     d->known = pm_arena_array(arena, (size_t)m->nblock, sizeof *d->known);
     d->E = pm_arena_array(arena, lanes, sizeof *d->E);
     d->S = pm_arena_array(arena, lanes, sizeof *d->S);
     d->bulk_rate = pm_arena_array(arena, (size_t)m->own_size, sizeof *d->bulk_rate);
     d->bulk_kept = pm_arena_array(arena, (size_t)m->nblock, sizeof *d->bulk_kept);
-    d->rested = pm_arena_array(arena, lanes, sizeof *d->rested);
-    d->more_exposures = pm_arena_array(arena, lanes, sizeof *d->more_exposures);
-    d->out_of_range = pm_arena_array(arena, lanes, sizeof *d->out_of_range);
-    if (pm_physics_is_adaptive(&scene->physics)) {
-        d->error = pm_arena_array(arena, lanes, sizeof *d->error);
-        d->length = pm_arena_array(arena, PM_MAX_GROUPS * lanes, sizeof *d->length);
-    }
     if (m->integrator->balanced) {
-        d->projection = pm_arena_array(arena, lanes, sizeof *d->projection);
-        d->safe_projection = pm_arena_array(arena, lanes, sizeof *d->safe_projection);
         d->coupled =
             pm_arena_array(arena, (size_t)(3 * m->most_nz * PM_MOST_LANES), sizeof *d->coupled);
     }
@@ -494,8 +513,6 @@ static pm_status open_data(const pm_model *m, pm_data *d, pm_arena *arena) {
     d->moves = implicit ? pm_arena_array(arena, lanes, sizeof *d->moves) : NULL;
     d->port_rate = pm_arena_array(arena, (size_t)m->rates, sizeof *d->port_rate);
     d->port_kept = pm_arena_array(arena, (size_t)m->nport_block, sizeof *d->port_kept);
-    d->port_rested = pm_arena_array(arena, (size_t)m->port_lanes, sizeof *d->port_rested);
-    d->remote_flux = pm_arena_array(arena, (size_t)m->nremote, sizeof *d->remote_flux);
     d->scratch = pm_arena_array(arena, 4 * (size_t)m->most_nz, sizeof *d->scratch);
     d->prescribed =
         pm_arena_array(arena, 2 * (size_t)scene->physics.nprescribed, sizeof *d->prescribed);

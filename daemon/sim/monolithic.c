@@ -10,8 +10,9 @@ struct pm_monolithic {
     const pm_system *system;
     pm_local_subsystems *subsystems;
     pm_sample *sample;
-    bool stale; // the sample has not been filled since the last step
-    pm_step_controller controller;
+    bool stale;                            // the sample has not been filled since the last step
+    pm_step_controller controller, before; // now, and before the last step
+    int substeps, substeps_before;         // of the last step, and of the one before it
 };
 
 pm_status pm_monolithic_open(pm_monolithic **monolithic, const pm_system *system) {
@@ -48,6 +49,7 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     pm_monolithic *m = monolithic;
     // This cannot fail, since it succeeded when the object was opened.
     (void)pm_step_controller_init(&m->controller, m->system->scene);
+    m->substeps = m->controller.substeps;
     pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
     pm_local_subsystems_set_state(m->subsystems, z);
     m->sample->step = 0;
@@ -63,6 +65,9 @@ pm_status pm_monolithic_step(pm_monolithic *monolithic) {
         pm_local_subsystems_advance(m->subsystems);
     }
     PM_TRY(pm_local_subsystems_end_step(m->subsystems));
+    m->before = m->controller;
+    m->substeps_before = m->substeps;
+    m->substeps = m->controller.substeps;
     m->stale = true;
     ++m->sample->step;
     m->sample->time = pm_scene_time(m->system->scene, m->sample->step);
@@ -71,6 +76,25 @@ pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     }
     pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
     return PM_OK;
+}
+
+pm_status pm_monolithic_keep_steps(pm_monolithic *monolithic) {
+    return pm_local_subsystems_keep_steps(monolithic->subsystems);
+}
+
+void pm_monolithic_undo_step(pm_monolithic *monolithic) {
+    pm_monolithic *m = monolithic;
+    pm_local_subsystems_undo_step(m->subsystems);
+    m->controller = m->before;
+    m->substeps = m->substeps_before;
+    --m->sample->step;
+    m->sample->time = pm_scene_time(m->system->scene, m->sample->step);
+    m->stale = true;
+    if (pm_physics_is_adaptive(&m->system->scene->physics)) { // the sample names the substeps
+        pm_local_subsystems_set_substeps(m->subsystems, m->substeps);
+        (void)pm_monolithic_sample(m);
+    }
+    pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
 }
 
 int pm_monolithic_substeps(const pm_monolithic *monolithic) {

@@ -22,8 +22,12 @@ void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
 // Starts a run at step 0 from the concatenated state z [scene->nz].
 void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z);
 
-// Takes one step. Fails as pm_subsystem_end_step does.
+// Takes one step. Fails as pm_local_subsystems_end_step does; the step is then not taken.
 pm_status pm_monolithic_step(pm_monolithic *monolithic);
+// Keeps from now on what a step overwrites (local_subsystems.h). PM_ENOMEM.
+pm_status pm_monolithic_keep_steps(pm_monolithic *monolithic);
+// Undoes the last step, which pm_monolithic_step has taken since the last call. Steps are kept.
+void pm_monolithic_undo_step(pm_monolithic *monolithic);
 // Returns the number of substeps of the next step.
 int pm_monolithic_substeps(const pm_monolithic *monolithic);
 // Returns the sample of the state reached. It is owned by the object. A caller asks for it after

@@ -85,6 +85,7 @@ static void clear_flux(const pm_lane_flux *flux, int64_t lanes) {
 // Begins a run at d->z.
 static void start(const pm_model *m, pm_data *d) {
     d->safe_z = d->z;
+    d->before.begun = false;
     for (int i = 0; i < m->ngroup; ++i) { // the weights may have changed since the last run
         if (m->group[i].exposure != NULL) {
             pm_program_prepare(m->group[i].exposure);
@@ -121,7 +122,6 @@ static void start(const pm_model *m, pm_data *d) {
     }
     for (size_t l = 0; l < lanes && d->projection != NULL; ++l) {
         pm_invariant_projection_start(&d->projection[l], d->E[l], d->S[l]);
-        d->safe_projection[l] = d->projection[l];
     }
 }
 
@@ -146,6 +146,103 @@ void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) 
 
 void pm_local_subsystems_set_step(pm_local_subsystems *local, long step) {
     local->data.step = step;
+    local->data.before.begun = false;
+}
+
+// --- a step that can be undone ---
+
+// Puts into the serializer what the objects of kinds keep from one step to the next, and the
+// irreversible rates from which the laws of ports predict.
+static void put_objects(const pm_model *m, pm_serializer *serializer) {
+    for (int i = 0; i < m->ngroup; ++i) {
+        if (m->group[i].kind->serialize != NULL) {
+            m->group[i].kind->serialize(&m->group[i], serializer);
+        }
+    }
+    for (int i = 0; i < m->nport_group; ++i) {
+        if (m->port_group[i].last != NULL) {
+            pm_serializer_put(serializer, "irreversible rates", m->port_group[i].last,
+                              m->port_group[i].nboth);
+        }
+    }
+}
+
+static void swap_fluxes(pm_data *d) {
+    pm_lane_flux *const now[] = {&d->bulk, &d->flux[0], &d->flux[1]};
+    pm_lane_flux *const before[] = {&d->before.bulk, &d->before.flux[0], &d->before.flux[1]};
+    for (int i = 0; i < 3; ++i) {
+        const pm_lane_flux flux = *now[i];
+        *now[i] = *before[i];
+        *before[i] = flux;
+    }
+}
+
+// Keeps what the step that begins will overwrite. The step books its fluxes into other arrays,
+// whose numbers its first round sets.
+static void begin_step(const pm_model *m, pm_data *d) {
+    d->safe_z = d->z;
+    d->before.begun = true;
+    d->before.step = d->step;
+    if (d->before.kept == NULL) {
+        return;
+    }
+    d->before.exposures = d->exposure_calls;
+    d->before.bulks = d->bulk_calls;
+    d->before.ports = d->port_calls;
+    memcpy(d->before.kept, d->before.now, d->before.size);
+    for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
+        memcpy(d->before.ghost[i], d->shown[i] + m->own_size,
+               (size_t)(m->size - m->own_size) * sizeof *d->z);
+    }
+    pm_serializer objects = pm_serializer_save("objects", d->before.object);
+    put_objects(m, &objects);
+    swap_fluxes(d);
+}
+
+pm_status pm_local_subsystems_keep_steps(pm_local_subsystems *local) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    pm_arena *arena = &local->model.arena;
+    pm_serializer objects = pm_serializer_count("objects");
+    put_objects(m, &objects);
+    d->before.object = pm_arena_array(arena, (size_t)objects.count, sizeof *d->before.object);
+    for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
+        d->before.ghost[i] =
+            pm_arena_array(arena, (size_t)(m->size - m->own_size), sizeof *d->before.ghost[i]);
+    }
+    PM_TRY(pm_lane_flux_new(&d->before.bulk, arena, (int)m->own_lanes));
+    PM_TRY(pm_lane_flux_new(&d->before.flux[0], arena, (int)m->port_lanes));
+    PM_TRY(pm_lane_flux_new(&d->before.flux[1], arena, (int)m->port_lanes));
+    d->before.kept = pm_arena_alloc(arena, d->before.size);
+    return pm_arena_status(arena, "the step before");
+}
+
+void pm_local_subsystems_undo_step(pm_local_subsystems *local) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    if (!d->before.begun) {
+        return;
+    }
+    d->before.begun = false;
+    d->z = d->safe_z;
+    d->step = d->before.step;
+    pm_expose_all(m, d, false);
+    if (d->before.kept == NULL) {
+        return;
+    }
+    d->exposure_calls = d->before.exposures;
+    d->bulk_calls = d->before.bulks;
+    d->port_calls = d->before.ports;
+    memset(d->bulk_kept, 0, (size_t)m->nblock * sizeof *d->bulk_kept);
+    memset(d->port_kept, 0, (size_t)m->nport_block * sizeof *d->port_kept);
+    memcpy(d->before.now, d->before.kept, d->before.size);
+    for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
+        memcpy(d->shown[i] + m->own_size, d->before.ghost[i],
+               (size_t)(m->size - m->own_size) * sizeof *d->z);
+    }
+    pm_serializer objects = pm_serializer_restore("objects", d->before.object);
+    put_objects(m, &objects);
+    swap_fluxes(d);
 }
 
 // --- a round ---
@@ -182,6 +279,9 @@ void pm_local_subsystems_bulk(pm_local_subsystems *local) {
     pm_data *d = &local->data;
     double *k = pm_stage_rates(m, d);
     const double weight = round_weight(m, d);
+    if (!d->before.begun || d->before.step < d->step) {
+        begin_step(m, d);
+    }
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         for (int block = 0; block < group->nblock; ++block) {
@@ -274,14 +374,6 @@ static pm_status check_subsystem(const pm_model *m, const pm_data *d, int id, do
     return PM_OK;
 }
 
-// Copies the projections of a balanced method.
-static void copy_projections(const pm_model *m, pm_invariant_projection *to,
-                             const pm_invariant_projection *from) {
-    if (from != NULL) {
-        memcpy(to, from, (size_t)m->own_lanes * sizeof *to);
-    }
-}
-
 pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
     const pm_model *m = &local->model;
     pm_data *d = &local->data;
@@ -299,9 +391,7 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
             m->system->scene->physics.subsystem[m->id[0]].name, d->boundary_input->end);
     }
     if (status != PM_OK) {
-        d->z = d->safe_z;
-        copy_projections(m, d->projection, d->safe_projection);
-        pm_expose_all(m, d, false);
+        pm_local_subsystems_undo_step(local);
         return status;
     }
     for (int i = 0; i < m->nremote; ++i) {
@@ -310,10 +400,8 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
         d->remote_flux[i] = pm_lane_flux_at(
             &d->flux[at.end], (int)m->port_group[place.group].first_lane + place.lane);
     }
-    copy_projections(m, d->safe_projection, d->projection);
     d->substep = 0;
     d->doubtful = false;
-    d->safe_z = d->z;
     ++d->step;
     return PM_OK;
 }
@@ -502,7 +590,6 @@ static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_serializer *
     if (d->projection != NULL) {
         pm_serializer_put(serializer, "projected energy", &d->projection[lane].energy, 1);
         pm_serializer_put(serializer, "projected entropy", &d->projection[lane].entropy, 1);
-        d->safe_projection[lane] = d->projection[lane];
     }
     if (group->kind->serialize != NULL) {
         group->kind->serialize(group, serializer);

@@ -15,10 +15,6 @@ static int whole(const pm_scene *scene, double substeps) {
     return (int)fmin(fmax(ceil(substeps), scene->physics.substeps), PM_MOST_SUBSTEPS);
 }
 
-int pm_step_controller_most_substeps(const pm_physics *physics) {
-    return pm_physics_is_adaptive(physics) ? PM_MOST_SUBSTEPS : physics->substeps;
-}
-
 pm_status pm_step_controller_init(pm_step_controller *controller, const pm_scene *scene) {
     const bool chosen = pm_physics_is_adaptive(&scene->physics);
     *controller =

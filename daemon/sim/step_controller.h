@@ -21,7 +21,9 @@ typedef struct pm_step_controller {
 } pm_step_controller;
 
 // Returns the largest number of substeps that a step can have.
-int pm_step_controller_most_substeps(const pm_physics *physics);
+static inline int pm_step_controller_most_substeps(const pm_physics *physics) {
+    return pm_physics_is_adaptive(physics) ? PM_MOST_SUBSTEPS : physics->substeps;
+}
 
 // Starts a run. The controller never chooses fewer substeps than the scene names, since the method
 // may be unstable with fewer. The first step takes several times as many, since its error is not

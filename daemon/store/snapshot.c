@@ -15,19 +15,30 @@
 #include "base/digest.h"
 #include "base/serializer.h"
 
-#define MAGIC "portmet snapshot 2\n"
+#define MAGIC "portmet snapshot 3\n"
 
 typedef struct snapshot_head {
     char magic[24];
     uint64_t digest, layout;
     int64_t session, count;
+    char owner[PM_SNAPSHOT_OWNER]; // zeros follow the name
 } snapshot_head;
 
 static uint64_t check_sum(const snapshot_head *h, const double *value) {
     uint64_t sum = pm_digest_integer(PM_DIGEST_INIT, (int64_t)h->digest);
     sum = pm_digest_integer(sum, (int64_t)h->layout);
     sum = pm_digest_integer(sum, h->session);
+    for (size_t i = 0; i < sizeof h->owner; ++i) {
+        sum = pm_digest_integer(sum, h->owner[i]);
+    }
     return pm_digest_doubles(sum, value, (size_t)h->count);
+}
+
+static void set_owner(snapshot_head *h, const pm_snapshot_key *key) {
+    memset(h->owner, 0, sizeof h->owner);
+    for (size_t i = 0; i + 1 < sizeof h->owner && key->owner[i] != '\0'; ++i) {
+        h->owner[i] = key->owner[i];
+    }
 }
 
 // --- writing ---
@@ -65,7 +76,8 @@ static pm_status save(const char *path, const pm_snapshot_key *key, int64_t sess
     if (file < 0) {
         return fail_access(path, "write");
     }
-    const snapshot_head h = {MAGIC, key->digest, key->layout, session, key->count};
+    snapshot_head h = {MAGIC, key->digest, key->layout, session, key->count, ""};
+    set_owner(&h, key);
     const uint64_t sum = check_sum(&h, value);
     const bool written = write_bytes(file, &h, sizeof h) &&
                          write_bytes(file, value, (size_t)h.count * sizeof *value) &&
@@ -85,17 +97,24 @@ pm_status pm_snapshot_save(const char *path, const pm_snapshot_key *key, int64_t
 
 // --- reading ---
 
-static pm_status read_head(const char *path, FILE *file, uint64_t digest, snapshot_head *h) {
+static pm_status read_head(const char *path, FILE *file, const pm_snapshot_key *key,
+                           snapshot_head *h) {
+    snapshot_head expected;
     if (fread(h, sizeof *h, 1, file) != 1 || strncmp(h->magic, MAGIC, sizeof h->magic) != 0) {
         return pm_fail(PM_EFILE, "%s: not a snapshot, or a snapshot of another version of portmet",
                        path);
     }
-    if (h->digest != digest) {
+    set_owner(&expected, key);
+    if (memcmp(h->owner, expected.owner, sizeof h->owner) != 0) {
+        return pm_fail(PM_EFILE, "%s: the snapshot belongs to \"%.*s\", expected one of \"%s\"",
+                       path, (int)sizeof h->owner - 1, h->owner, expected.owner);
+    }
+    if (h->digest != key->digest) {
         return pm_fail(PM_EFILE,
                        "%s: the snapshot belongs to %016" PRIx64 ", expected %016" PRIx64
                        ": its scene, weights, configuration or data have changed; remove it to "
                        "begin anew",
-                       path, h->digest, digest);
+                       path, h->digest, key->digest);
     }
     return PM_OK;
 }
@@ -123,7 +142,8 @@ static pm_status open_file(const char *path, FILE **file) {
     return PM_OK;
 }
 
-pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found) {
+pm_status pm_snapshot_session(const char *path, const pm_snapshot_key *key, int64_t *session,
+                              bool *found) {
     FILE *file;
     PM_TRY(open_file(path, &file));
     *found = file != NULL;
@@ -131,7 +151,7 @@ pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *sessio
         return PM_OK;
     }
     snapshot_head h;
-    const pm_status status = read_head(path, file, digest, &h);
+    const pm_status status = read_head(path, file, key, &h);
     fclose(file);
     if (status == PM_OK) {
         *session = h.session;
@@ -156,7 +176,7 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
         status = pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, key->count);
         goto done;
     }
-    PM_TRY_DONE(read_head(path, file, key->digest, &h));
+    PM_TRY_DONE(read_head(path, file, key, &h));
     if (h.count != key->count || h.layout != key->layout) {
         status = pm_fail(PM_EFILE,
                          "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
@@ -199,7 +219,7 @@ static pm_status prepare(const char *path, const char *kind, uint64_t digest, in
                          const pm_checkpoint_field *field, pm_snapshot_key *key, double **number) {
     pm_serializer serializer = pm_serializer_count(kind);
     put_fields(&serializer, nfield, field);
-    *key = (pm_snapshot_key){digest, serializer.layout, serializer.count};
+    *key = (pm_snapshot_key){digest, serializer.layout, serializer.count, kind};
     *number = malloc(((size_t)serializer.count + 1) * sizeof **number);
     return *number != NULL
                ? PM_OK

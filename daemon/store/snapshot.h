@@ -1,7 +1,7 @@
 // A snapshot is a file of numbers from which a program resumes after it was killed. Saving replaces
-// the file atomically. Loading refuses a snapshot of other inputs. The numbers have the byte order
-// and format of the machine. The file holds a header (format, digest, layout, session, count), the
-// numbers, and a digest of both.
+// the file atomically. Loading refuses a snapshot of other inputs or of another process. The
+// numbers have the byte order and format of the machine. The file holds a header (format, digest,
+// layout, session, count, owner), the numbers, and a digest of both.
 #ifndef PM_STORE_SNAPSHOT_H
 #define PM_STORE_SNAPSHOT_H
 
@@ -10,12 +10,17 @@
 
 #include "base/status.h"
 
+#define PM_SNAPSHOT_OWNER 256
+
 // The key of a snapshot identifies the inputs and the list of numbers. A file with another key is
 // refused.
 typedef struct pm_snapshot_key {
     uint64_t digest; // of the inputs: scene, weights and initial state, or a training and its data
     uint64_t layout; // of the names and counts of the numbers (pm_serializer)
     int count;       // of the numbers
+    // Names the process, or the kind of work, to which the numbers belong; borrowed. Names that
+    // agree in their first PM_SNAPSHOT_OWNER - 1 bytes count as the same.
+    const char *owner;
 } pm_snapshot_key;
 
 // Replaces the file at `path` by value [count]; `session` tells runs of the same inputs apart. The
@@ -30,8 +35,9 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
                            double *value, bool *found);
 
 // Reads only the session. Where there is no file, `found` is false. PM_EFILE: the file is not a
-// snapshot, or has another digest.
-pm_status pm_snapshot_session(const char *path, uint64_t digest, int64_t *session, bool *found);
+// snapshot, or has another digest or owner.
+pm_status pm_snapshot_session(const char *path, const pm_snapshot_key *key, int64_t *session,
+                              bool *found);
 
 // --- checkpoints ---
 //

@@ -71,7 +71,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
     setup->boundary_input.held = NULL;
     pm_status status = held == NULL || first == NULL
                            ? pm_fail(PM_ENOMEM, "out of memory for a rollout")
-                           : pm_local_run_open(&run, setup, false);
+                           : pm_local_run_open(&run, setup, PM_LOCAL_SAMPLES);
     if (status == PM_OK) {
         status = pm_local_run_start(&run, start->z);
     }

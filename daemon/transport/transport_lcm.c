@@ -711,11 +711,12 @@ static pm_status lcm_endpoint_publish(void *state, const char *channel, const vo
     case EAGAIN:
     case EINTR:
     case ENOBUFS:
-    case EPERM:       // a packet filter
-        return PM_OK; // the message is lost, as any message may be
+    case EPERM: // a packet filter
     case ENETDOWN:
-    case ENETUNREACH:
-        return pm_fail(PM_ENET, "channel %s: %s; " MULTICAST_REMEDY, channel, strerror(errno));
+    case ENETUNREACH: // an interface that is down may come up again
+    case EHOSTUNREACH:
+    case EADDRNOTAVAIL:
+        return PM_OK; // the message is lost, as any message may be
     default:
         return pm_fail(PM_ENET, "channel %s: cannot publish %zu bytes: %s", channel, size,
                        strerror(errno));

@@ -92,5 +92,25 @@ else
     echo "no nft here: loss is covered by test_lockstep only"
 fi
 
+# No network for a second, in which the run is told to go on; and for longer than the run's patience.
+for second in 1 4; do
+    sed "/^time:/i lockstep: {patience: $((second == 1 ? 10 : 2))}" "$scene" >"$folder/down$second.yaml"
+    open_gate down$second 50
+    start down$second run "$folder/down$second.yaml" --steps $steps --gate "$folder/down$second.gate" \
+        --record "$folder/down$second.h5"
+    held down$second 50
+    ip link set lo down
+    open_gate down$second $steps
+    sleep $second
+    ip link set lo up
+    ip route add 224.0.0.0/4 dev lo
+    if [ $second = 1 ]; then
+        ends down1 $pid 0 ""
+        "$same_recording" "$folder/plain.h5" "$folder/down1.h5" || fail "a second without a network"
+    else
+        ends down4 $pid 8 "no word for 2"
+    fi
+done
+
 no_orphans "at the end" ""
 finish

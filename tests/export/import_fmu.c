@@ -150,6 +150,39 @@ static void step_both(const fmu *f, portmet_scene *scene, const double *first, s
     compare(f, scene, ninput, to);
 }
 
+// Steps that begin elsewhere, and bytes that are no state of this FMU, are refused and change
+// nothing.
+static void misuse(const fmu *f, const fmi3Byte *bytes, size_t size, double time, double dt) {
+    typedef fmi3Status restore(fmi3Instance, const fmi3Byte *, size_t, fmi3FMUState *);
+    const double wrong[][2] = {{time + dt, dt}, {0, dt},     {NAN, dt},    {1e6, dt},
+                               {time, NAN},     {time, -dt}, {time, 1e12}, {INFINITY, dt}};
+    const fmi3ValueReference all[] = {0, 1};
+    double before[2], after[2], last;
+    bool event, end, early;
+    require(CALL(f, values, "fmi3GetFloat64")(f->cs, all, 2, before, 2), "values");
+    for (size_t k = 0; k < sizeof wrong / sizeof *wrong; ++k) {
+        if (CALL(f, do_step, "fmi3DoStep")(f->cs, wrong[k][0], wrong[k][1], true, &event, &end,
+                                           &early, &last) == fmi3OK) {
+            stop("fmi3DoStep takes a wrong step");
+        }
+    }
+    fmi3Byte *damaged = malloc(size);
+    for (size_t k = 0; k < size; k += 1 + size / 500) {
+        fmi3FMUState made = NULL;
+        memcpy(damaged, bytes, size);
+        damaged[k] ^= 0x10;
+        if (CALL(f, restore, "fmi3DeserializeFMUState")(f->cs, damaged, size, &made) == fmi3OK ||
+            made != NULL) {
+            stop("fmi3DeserializeFMUState takes damaged bytes");
+        }
+    }
+    free(damaged);
+    require(CALL(f, values, "fmi3GetFloat64")(f->cs, all, 2, after, 2), "values");
+    if (memcmp(before, after, sizeof before) != 0) {
+        stop("a refused call has changed the FMU");
+    }
+}
+
 // Goes on from a state that was saved as bytes, and once more from the beginning.
 static void co_simulate(const fmu *f, portmet_scene *scene, long steps) {
     typedef fmi3Status size_of(fmi3Instance, fmi3FMUState, size_t *);
@@ -171,8 +204,11 @@ static void co_simulate(const fmu *f, portmet_scene *scene, long steps) {
     require(CALL(f, save, "fmi3SerializeFMUState")(f->cs, saved, bytes, size), "its bytes");
     double last, dt = portmet_scene_dt(scene);
     bool event, end, early;
-    require(CALL(f, do_step, "fmi3DoStep")(f->cs, 0, 0.7 * dt, true, &event, &end, &early, &last),
-            "a step of another length");
+    const double time = (double)(steps / 2) * dt;
+    misuse(f, bytes, size, time, dt);
+    require(
+        CALL(f, do_step, "fmi3DoStep")(f->cs, time, 0.7 * dt, true, &event, &end, &early, &last),
+        "a step of another length");
     require(CALL(f, restore, "fmi3DeserializeFMUState")(f->cs, bytes, size, &again),
             "a restored state");
     require(CALL(f, set_state, "fmi3SetFMUState")(f->cs, again), "a set state");

@@ -22,7 +22,7 @@ static void check(int holds) {
 
 static void try_snapshot(void) {
     for (int count = 0; count <= MOST_VALUES; ++count) {
-        const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = count};
+        const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = count, .owner = "run"};
         double value[MOST_VALUES] = {-1, -1, -1};
         int64_t session = -1;
         bool found = false;
@@ -35,7 +35,7 @@ static void try_snapshot(void) {
         for (int i = 0; i < MOST_VALUES; ++i) {
             check(isfinite(value[i]));
         }
-        (void)pm_snapshot_session(PM_FUZZ_FILE, 7, &session, &found);
+        (void)pm_snapshot_session(PM_FUZZ_FILE, &key, &session, &found);
     }
 }
 
@@ -51,21 +51,26 @@ static void try_checkpoint(void) {
 // Mends the sum that follows head and values, unless try_load() would not accept them anyway.
 static void mend_sum(uint8_t *data, size_t size) {
     int64_t head[4]; // digest, layout, session, count
+    int8_t owner[PM_SNAPSHOT_OWNER];
     double value[MOST_VALUES];
-    if (size < MAGIC_SIZE + sizeof head) {
+    if (size < MAGIC_SIZE + sizeof head + sizeof owner) {
         return;
     }
     memcpy(head, data + MAGIC_SIZE, sizeof head);
-    const size_t room = (size - MAGIC_SIZE - sizeof head) / sizeof *value;
+    memcpy(owner, data + MAGIC_SIZE + sizeof head, sizeof owner);
+    const size_t room = (size - MAGIC_SIZE - sizeof head - sizeof owner) / sizeof *value;
     if (head[3] < 0 || head[3] > MOST_VALUES || (size_t)head[3] >= room) {
         return;
     }
-    uint8_t *at = data + MAGIC_SIZE + sizeof head;
+    uint8_t *at = data + MAGIC_SIZE + sizeof head + sizeof owner;
     const size_t count = (size_t)head[3];
     memcpy(value, at, count * sizeof *value);
     uint64_t sum = PM_DIGEST_INIT;
     for (int i = 0; i < 3; ++i) {
         sum = pm_digest_integer(sum, head[i]);
+    }
+    for (size_t i = 0; i < sizeof owner; ++i) {
+        sum = pm_digest_integer(sum, owner[i]);
     }
     sum = pm_digest_doubles(sum, value, count);
     memcpy(at + count * sizeof *value, &sum, sizeof sum);

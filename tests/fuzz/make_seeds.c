@@ -77,7 +77,7 @@ static pm_status make_checkpoint(void) {
 
 static pm_status make_snapshot(void) {
     const double value[3] = {1, 2, 3};
-    const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = 3};
+    const pm_snapshot_key key = {.digest = 7, .layout = 9, .count = 3, .owner = "run"};
     return pm_snapshot_save("run.snapshot", &key, 5, value);
 }
 

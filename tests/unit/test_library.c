@@ -3,10 +3,12 @@
 
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -176,6 +178,66 @@ static void test_failures(void **state) {
     assert_string_equal(portmet_version(), PM_VERSION);
 }
 
+static void assert_same_run(const portmet_scene *a, const portmet_scene *b) {
+    assert_true(portmet_scene_steps(a) == portmet_scene_steps(b));
+    for (int i = PORTMET_STATE; i <= PORTMET_LEDGER; ++i) {
+        size_t size = 0;
+        const double *x = portmet_scene_array(a, i, &size), *y = portmet_scene_array(b, i, NULL);
+        assert_memory_equal(x, y, size * sizeof *x);
+    }
+}
+
+// A call that is refused changes nothing, and a call that succeeds leaves no description.
+static void test_refusals(void **state) {
+    (void)state;
+    portmet_scene *scene = open_springs(), *plain = open_springs();
+    const double nowhere[2] = {1, NAN};
+    assert_int_equal(portmet_scene_step(scene, 2), PORTMET_OK);
+    assert_int_equal(portmet_scene_step(plain, 2), PORTMET_OK);
+    assert_int_equal(portmet_scene_step(scene, -1), PORTMET_EUSAGE);
+    assert_non_null(strstr(portmet_error(), "-1 steps"));
+    assert_same_run(scene, plain);
+    assert_int_equal(portmet_scene_restart(scene, nowhere), PORTMET_ENUMERIC);
+    assert_non_null(strstr(portmet_error(), "left.p[0] = nan"));
+    assert_same_run(scene, plain);
+    portmet_scene_inputs(scene, NULL)[1] = 1e308;
+    assert_int_equal(portmet_scene_step(scene, 2), PORTMET_ENUMERIC);
+    assert_same_run(scene, plain);
+    portmet_scene_inputs(scene, NULL)[1] = NAN;
+    assert_int_equal(portmet_scene_step(scene, 2), PORTMET_OK);
+    assert_string_equal(portmet_error(), "");
+    assert_int_equal(portmet_scene_step(plain, 2), PORTMET_OK);
+    assert_same_run(scene, plain);
+    portmet_scene_close(scene);
+    portmet_scene_close(plain);
+}
+
+// A step that cannot be recorded is not taken.
+static void test_full_disk(void **state) {
+    (void)state;
+    char path[] = "/tmp/test_library_XXXXXX";
+    struct rlimit before;
+    close(mkstemp(path));
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    portmet_scene *scene = open_springs(), *plain = open_springs();
+    assert_int_equal(portmet_scene_record(scene, path), PORTMET_OK);
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &(struct rlimit){65536, before.rlim_max}), 0);
+    assert_int_equal(portmet_scene_step(scene, 100000), PORTMET_EFILE);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
+    assert_int_equal(portmet_scene_step(plain, portmet_scene_steps(scene)), PORTMET_OK);
+    assert_same_run(scene, plain);
+    assert_int_equal(portmet_scene_step(scene, 1), PORTMET_EFILE);
+    assert_same_run(scene, plain);
+    assert_int_equal(portmet_scene_record(scene, NULL), PORTMET_OK);
+    assert_int_equal(portmet_scene_step(scene, 9), PORTMET_OK);
+    assert_int_equal(portmet_scene_step(plain, 9), PORTMET_OK);
+    assert_same_run(scene, plain);
+    portmet_scene_close(scene);
+    portmet_scene_close(plain);
+    unlink(path);
+}
+
 static void test_recording(void **state) {
     (void)state;
     char path[] = "/tmp/test_library_XXXXXX";
@@ -202,7 +264,8 @@ int main(void) {
         cmocka_unit_test(test_names),     cmocka_unit_test(test_arrays_follow),
         cmocka_unit_test(test_same_bits), cmocka_unit_test(test_inputs),
         cmocka_unit_test(test_failures),  cmocka_unit_test(test_held_beyond_the_trajectory),
-        cmocka_unit_test(test_recording),
+        cmocka_unit_test(test_recording), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,8 +1,12 @@
 """The Python package: scenes, files, the trainer and the listener, on shipped scenes."""
 import os
 import re
+import signal
+import struct
 import subprocess
 import tempfile
+import threading
+import time
 import unittest
 
 import numpy
@@ -69,6 +73,63 @@ class Scenes(unittest.TestCase):
         with self.assertRaisesRegex(portmet.Error, "nowhere.yaml") as caught:
             portmet.Scene("nowhere.yaml")
         self.assertEqual(caught.exception.code, 4)
+
+    def test_a_failed_step_is_not_taken(self):
+        scene, plain = portmet.Scene("configs/driven_lower.yaml"), portmet.Scene("configs/driven_lower.yaml")
+        scene.step(3)
+        plain.step(3)
+        scene.inputs[:] = 1e200
+        with self.assertRaises(portmet.Error) as caught:
+            scene.step(5)
+        self.assertEqual(caught.exception.code, 9)
+        scene.inputs[:] = numpy.nan
+        for _ in range(20):
+            for name in "state", "energy", "entropy", "bulk_energy", "bulk_entropy", "flux":
+                self.assertEqual(getattr(scene, name).tobytes(), getattr(plain, name).tobytes(), name)
+            self.assertEqual(repr(scene.ledger), repr(plain.ledger))
+            self.assertEqual(scene.step().steps, plain.step().steps)
+
+    def test_wrong_arguments(self):
+        scene = portmet.Scene("configs/driven_lower.yaml").step(2)
+        state, nowhere = scene.state.copy(), numpy.full(scene.state.shape, numpy.nan)
+        for wrong in (lambda: scene.step(-1), lambda: scene.step(2**64 + 1), lambda: scene.step(1.5),
+                      lambda: scene.restart(nowhere), lambda: scene.restart(state[1:]), lambda: scene["nobody"],
+                      lambda: scene.set_input("nobody", 0), lambda: portmet.Listener("tcp://here")):
+            with self.assertRaises(portmet.Error):
+                wrong()
+            self.assertEqual((scene.steps, scene.state.tobytes()), (2, state.tobytes()))
+        scene.step(0)
+        self.assertEqual(portmet._library.library.portmet_error(), b"")
+
+    def test_interruption(self):
+        scene = portmet.Scene("configs/double_pendulum.yaml")
+        timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        begin = time.process_time()
+        with self.assertRaises(KeyboardInterrupt):
+            scene.step(10**6)
+        self.assertLess(time.process_time() - begin, 3)
+        timer.join()
+
+    def test_threads_do_not_share_a_scene(self):
+        scene, plain = portmet.Scene("configs/double_pendulum.yaml"), portmet.Scene("configs/double_pendulum.yaml")
+        refused = []
+
+        def work():
+            for _ in range(200):
+                try:
+                    scene.step()
+                except portmet.Error as error:
+                    refused.append(error)
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(scene.steps + len(refused), 800)
+        self.assertTrue(all(error.code == 2 and "another thread" in str(error) for error in refused))
+        self.assertEqual(plain.step(scene.steps).state.tobytes(), scene.state.tobytes())
+        self.assertEqual(repr(plain.ledger), repr(scene.ledger))
 
     def test_part(self):
         part = portmet.Part("configs/weights/double_pendulum/upper.h5", dt=0.01,
@@ -206,6 +267,19 @@ class Listening(unittest.TestCase):
             message = hears.receive(10)
         s.close()
         self.assertEqual(message.data, bytes(range(256)) * 10)
+
+
+class Fragments(unittest.TestCase):
+    def test_forged_fragments_take_bounded_memory(self):
+        listener = object.__new__(portmet.Listener)
+        listener._unfinished, listener._kept = {}, 0
+        for i in range(12000):  # first pieces of messages, and many pieces of one message
+            for number, which in ((i, 0), (1 << 20, i)):
+                head = struct.pack(">IIIIHH", 0x4C433033, number, 30 << 20, 0, which, 60000)
+                self.assertIsNone(listener._join(head + bytes(65000), ("10.0.0.1", i % 7)))
+            kept = sum(len(p) for pieces in listener._unfinished.values() for p in pieces.values())
+            self.assertEqual(kept, listener._kept)
+            self.assertLessEqual(kept, 32 << 20)
 
 
 class Pages(unittest.TestCase):

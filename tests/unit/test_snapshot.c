@@ -16,7 +16,8 @@
 
 enum { COUNT = 5, DIGEST = 77, LAYOUT = 99, SESSION = 123456 };
 
-static const pm_snapshot_key right = {.digest = DIGEST, .layout = LAYOUT, .count = COUNT};
+static const pm_snapshot_key right = {
+    .digest = DIGEST, .layout = LAYOUT, .count = COUNT, .owner = "upper of pair"};
 
 static const double saved[COUNT] = {-1, 0.1, 1e300, -0.0, 5e-324};
 
@@ -39,7 +40,7 @@ static void what_was_saved_comes_back(void **state) {
     int64_t session = 0;
     bool found = true;
     assert_untouched(PM_OK, "", path, right);
-    assert_int_equal(pm_snapshot_session(path, DIGEST, &session, &found), PM_OK);
+    assert_int_equal(pm_snapshot_session(path, &right, &session, &found), PM_OK);
     assert_false(found);
     for (int i = 0; i < 2; ++i) {
         assert_int_equal(pm_snapshot_save(path, &right, SESSION + i, saved), PM_OK);
@@ -48,7 +49,7 @@ static void what_was_saved_comes_back(void **state) {
         assert_int_equal(session, SESSION + i);
         assert_memory_equal(value, saved, sizeof saved);
         session = 0;
-        assert_int_equal(pm_snapshot_session(path, DIGEST, &session, &found), PM_OK);
+        assert_int_equal(pm_snapshot_session(path, &right, &session, &found), PM_OK);
         assert_true(found && session == SESSION + i);
     }
     assert_int_equal(scratch_files(*state, 0), 1); // no temporary one
@@ -80,17 +81,20 @@ static void a_pipe_is_no_snapshot(void **state) {
     assert_int_equal(mkfifo(path, 0600), 0);
     alarm(10);
     assert_untouched(PM_EFILE, "not a file", path, right);
-    assert_int_equal(pm_snapshot_session(path, DIGEST, &session, &found), PM_EFILE);
+    assert_int_equal(pm_snapshot_session(path, &right, &session, &found), PM_EFILE);
     alarm(0);
 }
 
 static void others_are_refused(void **state) {
     const char *path = scratch_path(*state, "x.checkpoint");
     assert_int_equal(pm_snapshot_save(path, &right, SESSION, saved), PM_OK);
-    const pm_snapshot_key others[] = {{DIGEST + 1, LAYOUT, COUNT},
-                                      {DIGEST, LAYOUT + 1, COUNT},
-                                      {DIGEST, LAYOUT, COUNT + 1},
-                                      {DIGEST, LAYOUT, COUNT - 1}};
+    const pm_snapshot_key others[] = {{DIGEST + 1, LAYOUT, COUNT, right.owner},
+                                      {DIGEST, LAYOUT + 1, COUNT, right.owner},
+                                      {DIGEST, LAYOUT, COUNT + 1, right.owner},
+                                      {DIGEST, LAYOUT, COUNT - 1, right.owner}};
+    const pm_snapshot_key lower = {DIGEST, LAYOUT, COUNT, "lower of pair"};
+    assert_untouched(PM_EFILE, "belongs to \"upper of pair\", expected one of \"lower of pair\"",
+                     path, lower);
     for (size_t i = 0; i < sizeof others / sizeof others[0]; ++i) {
         assert_untouched(PM_EFILE, "remove it to begin anew", path, others[i]);
     }

@@ -513,6 +513,9 @@ fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 point, fmi3Float64 length, fmi
     if (!(length >= 0) || !(length < 1e6 * MODEL_DT)) {
         return refuse(i, "fmi3DoStep: the step is negative or too long");
     }
+    if (!(fabs(point - m->now.scene.time) <= 1e-6 * MODEL_DT + 1e-12 * fabs(m->now.scene.time))) {
+        return refuse(i, "fmi3DoStep: the step does not begin where the last one has ended");
+    }
     *event = *terminate = *early = false;
     *last = point;
     const contents before = m->now;

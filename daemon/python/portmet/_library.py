@@ -1,5 +1,6 @@
 """Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
 import ctypes
+import operator
 import os
 
 from . import _places
@@ -16,6 +17,17 @@ class Error(RuntimeError):
     def __init__(self, code, text):
         super().__init__(text)
         self.code = code
+
+
+class UsageError(Error, ValueError):
+    """An argument that is not valid."""
+
+    def __init__(self, text):
+        super().__init__(2, text)
+
+
+class UnknownName(UsageError, KeyError):
+    """A name that a scene does not have."""
 
 
 def place(variable, relative, name):
@@ -66,6 +78,24 @@ def check(code):
     """Raises Error unless `code` is 0."""
     if code != 0:
         raise Error(code, library.portmet_error().decode())
+
+
+def step_count(count):
+    """Returns a number of steps as libportmet takes it."""
+    try:
+        number = operator.index(count)
+    except TypeError:
+        raise UsageError(f"{count!r} steps: expected a whole number") from None
+    if not 0 <= number < 1 << 63:
+        raise UsageError(f"{number} steps: expected 0 to 2^63 - 1")
+    return number
+
+
+def look_up(table, name, what):
+    """Returns the item of a table that has this name."""
+    if name not in table:
+        raise UnknownName(f"{what} has no {name!r}; there are: {', '.join(table)}")
+    return table[name]
 
 
 def path_bytes(path):

@@ -5,6 +5,8 @@ import re
 import h5py
 import numpy
 
+from ._library import UsageError
+
 
 def _text(value):
     return value.decode() if isinstance(value, bytes) else str(value)
@@ -46,7 +48,7 @@ class Dataset:
     def save(self, path):
         """Writes the dataset, for `fit`, `evaluate` or a scene's reference."""
         if self.z.shape[2] != len(self.columns):
-            raise ValueError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
+            raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
         with h5py.File(path, "w") as f:
             f["z"], f["t"], f["dt"] = self.z, self.t, self.dt
             if self.zdot is not None:

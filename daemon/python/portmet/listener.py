@@ -6,9 +6,12 @@ import struct
 import time
 import urllib.parse
 
+from ._library import UsageError
+
 ONE_PIECE, FRAGMENT = 0x4C433032, 0x4C433033  # "LC02" and "LC03": LCM's two kinds of datagram
 LARGEST_PIECE = 65487  # bytes of a datagram's payload
 MOST_UNFINISHED = 64  # messages of several datagrams that are kept while pieces are missing
+MOST_BYTES = 32 << 20  # of all these messages together, and so the longest message
 
 # `content` is a decoded message of portmet, or None for another type; `data` are the bytes.
 Message = collections.namedtuple("Message", "channel content data")
@@ -28,12 +31,12 @@ class Listener:
     def __init__(self, url="udpm://239.255.76.67:7667?ttl=0", channels=".*", timeout=None):
         parts = urllib.parse.urlsplit(url)
         if parts.scheme != "udpm":
-            raise ValueError(f"{url}: expected udpm://GROUP:PORT")
+            raise UsageError(f"{url}: expected udpm://GROUP:PORT")
         ttl = int(urllib.parse.parse_qs(parts.query).get("ttl", ["0"])[0])
         self._group = (parts.hostname or "239.255.76.67", parts.port or 7667)
         self._wanted = re.compile(channels)
         self._types = _types()
-        self._unfinished = collections.OrderedDict()
+        self._unfinished, self._kept = {}, 0  # messages with missing pieces, and their bytes
         self._number = 0
         self.timeout = timeout
         self._socket = self._open(ttl)
@@ -63,7 +66,7 @@ class Listener:
         body = channel.encode() + b"\0" + data
         head = struct.pack(">II", ONE_PIECE, self._number)
         if len(body) > LARGEST_PIECE:
-            raise ValueError(f"a message of {len(body)} bytes, at most {LARGEST_PIECE} can be sent")
+            raise UsageError(f"a message of {len(body)} bytes, at most {LARGEST_PIECE} can be sent")
         self._number = (self._number + 1) % (1 << 32)
         self._socket.sendto(head + body, self._group)
 
@@ -105,12 +108,20 @@ class Listener:
             return datagram[8:]
         if magic != FRAGMENT or len(datagram) < 20:
             return None
-        _, _, which, count = struct.unpack_from(">IIHH", datagram, 8)
-        pieces = self._unfinished.setdefault((sender, number), {})
-        pieces[which] = datagram[20:]
-        if len(pieces) == count and all(i in pieces for i in range(count)):
-            del self._unfinished[sender, number]
-            return b"".join(pieces[i] for i in range(count))
-        while len(self._unfinished) > MOST_UNFINISHED:
-            self._unfinished.popitem(last=False)
-        return None
+        size, _, which, count = struct.unpack_from(">IIHH", datagram, 8)
+        key, piece = (sender, number, size, count), datagram[20:]
+        if which >= count or size > MOST_BYTES:
+            return None
+        pieces = self._unfinished.setdefault(key, {})
+        self._kept += len(piece) - len(pieces.get(which, b""))
+        pieces[which] = piece
+        whole = len(pieces) == count
+        if whole:
+            self._forget(key)
+        while self._kept > MOST_BYTES or len(self._unfinished) > MOST_UNFINISHED:
+            self._forget(next(iter(self._unfinished)))
+        body = b"".join(pieces[i] for i in range(count)) if whole else b""
+        return body if whole and len(body) == size else None
+
+    def _forget(self, key):
+        self._kept -= sum(map(len, self._unfinished.pop(key).values()))

@@ -2,6 +2,7 @@
 import ctypes
 import os
 import re
+import time
 
 import numpy
 
@@ -78,7 +79,7 @@ class Subsystem:
         self._scene, self._number = scene, number
 
     def __getitem__(self, group):
-        return self.state[self.groups[group]]
+        return self.state[c.look_up(self.groups, group, f"subsystem {self.name}")]
 
     @property
     def energy(self):
@@ -116,6 +117,7 @@ class Scene:
 
     def _open(self, pointer):
         self._handle = _Handle(pointer)
+        self._piece = 1  # steps between two looks at signals
         self._describe()
         self._view()
 
@@ -148,15 +150,23 @@ class Scene:
         return self._handle.pointer
 
     def __getitem__(self, name):
-        return self.subsystems[name]
+        return c.look_up(self.subsystems, name, f"scene {self.name}")
 
     def __repr__(self):
         return f"<portmet scene {self.name}: {', '.join(self.subsystems)}; step {self.steps}>"
 
     def step(self, count=1):
-        """Takes `count` steps. Raises Error at the first failure."""
-        c.check(c.library.portmet_scene_step(self._pointer, count))
-        return self
+        """Takes `count` steps. Raises Error at the first failure, and does not take the failed step.
+        Ctrl-C is answered between two pieces of a tenth of a second."""
+        left = c.step_count(count)
+        while True:
+            piece, begin = min(left, self._piece), time.monotonic()
+            c.check(c.library.portmet_scene_step(self._pointer, piece))
+            left -= piece
+            if left == 0:
+                return self
+            took = time.monotonic() - begin
+            self._piece = max(1, self._piece // 2) if took > 0.1 else self._piece * (2 if took < 0.05 else 1)
 
     def run(self):
         """Steps to the end of the scene."""
@@ -171,7 +181,7 @@ class Scene:
     def _whole_state(self, state):
         state = numpy.ascontiguousarray(state, dtype=float)
         if state.shape != self.state.shape:
-            raise ValueError(f"a state of {state.shape}, expected {self.state.shape}")
+            raise c.UsageError(f"a state of {state.shape}, expected {self.state.shape}")
         return state
 
     def set_input(self, name, value):
@@ -182,7 +192,7 @@ class Scene:
             return
         chosen = [i for i, n in enumerate(self.input_names) if n.rpartition("[")[0] == name]
         if not chosen:
-            raise KeyError(name)
+            raise c.UnknownName(f"scene {self.name} has no input {name}")
         self.inputs[chosen] = value
 
     def record(self, path):
