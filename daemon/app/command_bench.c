@@ -180,6 +180,9 @@ static pm_status report(const bench *b, double target) {
         }
         left += !b->setting[i].done;
     }
+    if (!own->done) {
+        return pm_fail(PM_EBROKEN, "bench: no setting was measured within the --budget");
+    }
     qsort(sorted, (size_t)count, sizeof *sorted, by_time);
     const bool json = b->options->json;
     if (json) {
@@ -317,6 +320,7 @@ static pm_status report(const bench *b, double target) {
 static pm_status execute(const pm_run_options *options) {
     bench b = {.options = options};
     double budget = BUDGET, target = ERROR;
+    const double started = pm_clock();
     pm_rollout_result trial;
     pm_status status;
     PM_TRY_DONE(options->budget == NULL
@@ -324,6 +328,7 @@ static pm_status execute(const pm_run_options *options) {
                     : pm_options_positive("--budget", options->budget, &budget));
     PM_TRY_DONE(options->error == NULL ? PM_OK
                                        : pm_options_positive("--error", options->error, &target));
+    const double end = started + budget;
     PM_TRY_DONE(pm_options_output("--write", options->write));
     PM_TRY_DONE(pm_options_output("--picture", options->picture));
     PM_TRY_DONE(pm_prepare(&b.base, options, PM_TO_COORDINATE));
@@ -395,13 +400,19 @@ static pm_status execute(const pm_run_options *options) {
             (pm_stepping){rk, REFERENCE_ROUNDS / rk->nstage, 0, physics->dt, b.steps};
     }
     // The second reference is compared with the first.
-    PM_TRY_DONE(pm_rollout_parallel(-2, 1, measure, &b, budget, "reference", options->stop));
-    PM_TRY_DONE(pm_rollout_parallel(-1, 1, measure, &b, budget, "reference", options->stop));
-    if (!b.reference[0].served || !b.reference[1].served) {
-        status = pm_fail(PM_ECONFIG, "bench: no reference: %.200s", b.reference[0].first.why);
+    for (int i = -2; i < 0; ++i) {
+        PM_TRY_DONE(
+            pm_rollout_parallel(i, 1, measure, &b, end - pm_clock(), "reference", options->stop));
+    }
+    if (!b.reference[1].done || !b.reference[0].served || !b.reference[1].served) {
+        status = pm_fail(PM_EBROKEN, "bench: no reference: %.200s",
+                         b.reference[1].done
+                             ? b.reference[0].first.why
+                             : "it takes more than the --budget: allow more, or fewer --steps");
         goto done;
     }
-    PM_TRY_DONE(pm_rollout_parallel(0, b.nsetting, measure, &b, budget, "bench", options->stop));
+    PM_TRY_DONE(
+        pm_rollout_parallel(0, b.nsetting, measure, &b, end - pm_clock(), "bench", options->stop));
     status = report(&b, target / 100);
 done:
     free(b.text);

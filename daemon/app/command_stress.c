@@ -10,6 +10,7 @@
 #include "base/files.h"
 #include "base/journal.h"
 #include "base/options.h"
+#include "base/progress.h"
 #include "study/rollout.h"
 
 #define BUDGET 60.0     // s, by default
@@ -251,6 +252,7 @@ static pm_status execute(const pm_run_options *options) {
     stress t = {.options = options};
     pm_start start[WIDTHS][INSIDE];
     int nstart[WIDTHS];
+    const double started = pm_clock();
     double budget = BUDGET;
     pm_rollout_result trial;
     pm_status status;
@@ -317,7 +319,8 @@ static pm_status execute(const pm_run_options *options) {
         add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
         t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
     }
-    PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, budget, "stress", options->stop));
+    PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, started + budget - pm_clock(),
+                                    "stress", options->stop));
     status = report(&t);
 done:
     free(t.text);
