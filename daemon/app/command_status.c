@@ -26,7 +26,7 @@ static void print_table(FILE *file, const pm_scene *scene, const portmet_health_
     if (h->steps < PM_STEPS_MAX) { // a run that is served may have no last step
         fprintf(file, " of %lld", (long long)h->steps);
     }
-    fprintf(file, ", %.3g steps/s", h->rate);
+    fprintf(file, ", %.3g steps/s%s", h->rate, h->held ? ", held" : "");
     for (int i = 0; i < h->nprocess; ++i) {
         if (h->silent[i] < 0 && h->step < 0) {
             fprintf(file, "; %s is missing", pm_health_name(scene, i));

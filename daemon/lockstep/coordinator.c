@@ -967,6 +967,8 @@ static void close_run(pm_lockstep_coordinator *c) {
 // pauses because somebody is silent has no other reason to wait.
 static pm_status tell_health(pm_lockstep_coordinator *c) {
     char text[256];
+    c->health.message.held =
+        c->phase == PM_COORDINATOR_HELD && !c->waits && c->completed < c->endpoint.steps;
     if (!pm_health_is_due(&c->health, c->completed, c->endpoint.now)) {
         return PM_OK;
     }

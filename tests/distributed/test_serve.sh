@@ -52,6 +52,16 @@ asks 0 "" resume
 wait_until sh -c "'$portmetd' query '$scene' | grep -q 'ended, run'" || fail "the run did not end"
 same held.h5 plain.h5
 
+# A client that dies while it waits leaves a run that is held after its steps, and another one takes over.
+asks 0 "held, run .*, step 0" start --held --endless
+"$portmetd" advance "$scene" --steps 3000 >"$folder/dies.out" 2>&1 &
+client=$!
+wait_until sh -c "'$portmetd' query '$scene' | grep -q running"
+kill -KILL $client
+wait_until sh -c "'$portmetd' status '$scene' | grep -q 'step 3000, .*, held'" || fail "status: not held"
+asks 0 "step 3005" advance --steps 5
+asks 0 "ended" stop
+
 # States between steps: one that is kept is restored with its bits, in a later run as well.
 asks 0 "held, run .*, step 0" start --held --steps 50 --trajectory 0
 asks 0 "step 10 of" advance --steps 10

@@ -13,6 +13,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/rng.h"
 #include "lockstep/control.h"
 #include "tests/support/cluster_fixture.h"
 
@@ -556,6 +557,91 @@ static void test_wrong_requests(void **context) {
     stage_close(&t);
 }
 
+// --- strangers ---
+
+enum { KEPT = 64, LARGEST = 1024 };
+
+static int messages = 5000; // that a stranger sends
+
+// Publishes a message as a stranger does: one of the client's, changed, cut, or again; or one of
+// its own, whose numbers are random.
+static void forge(const client *k, pm_rng *rng, unsigned char kept[KEPT][LARGEST],
+                  const size_t *size, int nkept) {
+    unsigned char data[LARGEST];
+    const uint64_t bits = pm_rng_bits(rng);
+    const int which = (int)(bits % 4);
+    size_t count = 0;
+    if (which == 0 || nkept == 0) {
+        double z[4] = {0.5, 1e300, -1, 0};
+        portmet_control_t own = k->request;
+        own.client = bits % 3 == 0 ? k->request.client : (int64_t)pm_rng_bits(rng);
+        own.nonce = (int64_t)(pm_rng_bits(rng) >> (pm_rng_bits(rng) % 64));
+        own.ticket = (int64_t)pm_rng_bits(rng);
+        own.kind = (int8_t)(pm_rng_bits(rng) % 13);
+        own.steps = (int64_t)pm_rng_bits(rng) >> (pm_rng_bits(rng) % 64);
+        own.held = (int8_t)(bits >> 8 & 1);
+        own.page = (int32_t)(pm_rng_bits(rng) >> 40);
+        own.nz = (int32_t)(bits >> 16 & 3);
+        own.z = z;
+        own.file = (char *)((bits >> 20 & 1) != 0 ? "../../etc/passwd" : "a");
+        count = pm_control_encode(&own, data, sizeof data);
+    } else {
+        const int i = (int)((bits >> 8) % (uint64_t)nkept);
+        count = size[i];
+        memcpy(data, kept[i], count);
+        if (which == 1) {
+            // A later number, with the ticket that anybody can hear, would be a request.
+            const size_t at = (bits >> 32) % count;
+            data[at / 8 == 2 ? at - 8 : at] ^= (unsigned char)(1 << (bits >> 24 & 7));
+        } else if (which == 2) {
+            count = (bits >> 32) % (count + 1);
+        }
+    }
+    assert_int_equal(pm_transport_publish(k->transport, "chain_CONTROL", data, count), PM_OK);
+}
+
+// Whatever a stranger sends who does not hear the replies, the client's runs have their bits, and
+// every request of the client is answered.
+static void test_strangers(void **context) {
+    (void)context;
+    static unsigned char kept[KEPT][LARGEST];
+    size_t size[KEPT];
+    int nkept = 0, sent = 0;
+    stage t = {0};
+    client k;
+    pm_rng rng;
+    pm_rng_init(&rng, 7, 0);
+    stage_open(&t, 2, NULL);
+    client_open(&k, &t, 5, "bench");
+    for (int run = 1; sent < messages; ++run) {
+        k.request.held = 1;
+        k.request.steps = 0;
+        assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+        for (int i = 1; i <= 20; ++i) {
+            k.request.steps = 1 + i % 3;
+            for (int m = 0; m < 30; ++m, ++sent) {
+                forge(&k, &rng, kept, size, nkept < KEPT ? nkept : KEPT);
+                if (m % 5 == 0) {
+                    turn(&t);
+                }
+            }
+            const int64_t before = k.reply.step;
+            assert_int_equal(ASK(&k, ADVANCE), DONE);
+            assert_int_equal(k.reply.step, before + k.request.steps);
+            size[nkept % KEPT] = pm_control_encode(&k.request, kept[nkept % KEPT], LARGEST);
+            nkept += 1;
+            assert_memory_equal(k.z, pm_monolithic_sample(t.c.assembly)->z,
+                                (size_t)t.c.f.scene->physics.nz * sizeof *k.z);
+        }
+        assert_int_equal(ASK(&k, STOP), DONE);
+        assert_int_equal(t.begun, run);
+        assert_int_equal(t.status, PM_OK);
+    }
+    assert_int_equal(t.reloads, 0);
+    pm_transport_close(k.transport);
+    stage_close(&t);
+}
+
 // --- death, and rest ---
 
 // A process that dies ends the run, and the one that takes its place serves the next run.
@@ -625,11 +711,17 @@ static void test_rest_is_quiet(void **context) {
     stage_close(&t);
 }
 
-int main(void) {
+// test_control [MESSAGES]: the number of messages that a stranger sends.
+int main(int argc, char **argv) {
+    messages = argc > 1 ? atoi(argv[1]) : messages;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_run_after_another), cmocka_unit_test(test_steps_on_demand),
-        cmocka_unit_test(test_two_clients),           cmocka_unit_test(test_states_between_steps),
-        cmocka_unit_test(test_wrong_requests),        cmocka_unit_test(test_next_run_after_a_death),
+        cmocka_unit_test(test_one_run_after_another),
+        cmocka_unit_test(test_steps_on_demand),
+        cmocka_unit_test(test_two_clients),
+        cmocka_unit_test(test_states_between_steps),
+        cmocka_unit_test(test_wrong_requests),
+        cmocka_unit_test(test_strangers),
+        cmocka_unit_test(test_next_run_after_a_death),
         cmocka_unit_test(test_rest_is_quiet),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

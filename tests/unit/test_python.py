@@ -246,6 +246,27 @@ class Listening(unittest.TestCase):
             self.assertEqual(service.wait(), 0)
             folder.cleanup()
 
+    def test_remote_with_key(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path, key = os.path.join(folder, "keyed.yaml"), os.path.join(folder, "key")
+            with open(os.open(key, os.O_WRONLY | os.O_CREAT, 0o600), "wb") as file:
+                file.write(os.urandom(32))
+            with open(path, "w", encoding="utf-8") as file:
+                file.write("scene: keyed\nkey_file: key\ntime: {dt: 0.1, steps: 10, integrator: rk4}\n"
+                           "models:\n  mass: {energy: \"|p|^2/2 + |q|^2/2\", reversible: {given: [[q, p, 1.0]]}}\n"
+                           "subsystems:\n  mass:\n    model: mass\n"
+                           "    state: {q: {unit: m, size: 1}, p: {unit: kg m/s, size: 1}}\n"
+                           "    initial: {q: 1.0, p: 0.0}\n")
+            service = subprocess.Popen(["portmetd", "serve", path], stderr=subprocess.DEVNULL)
+            try:
+                with portmet.Remote("keyed", key_file=key) as remote:
+                    self.assertTrue((remote.step(5).state == portmet.Scene(path).step(5).state).all())
+                with self.assertRaisesRegex(portmet.Error, "no service of scene keyed"):
+                    portmet.Remote("keyed", timeout=0.3)
+            finally:
+                service.terminate()
+                self.assertEqual(service.wait(), 0)
+
     def test_publishing(self):
         with portmet.Listener(channels="HELLO") as hears, portmet.Listener() as speaks:
             speaks.publish("OTHER", b"not this")

@@ -1,0 +1,67 @@
+#!/bin/sh
+# serve.sh PORTMETD BENCH CONFIGS [RUNS]: what clients of `portmetd serve` wait for, in a private network (root), with
+# the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked.
+. "$(dirname "$0")/../../support/private_network.sh"
+portmetd=$1
+bench=$2
+configs=$3
+runs=${4:-1000}
+folder=$(mktemp -d)
+trap 'kill $service 2>/dev/null; rm -rf "$folder"' EXIT
+
+# processes: the ids of the service and of its nodes.
+processes() {
+    echo $service $(cat /proc/$service/task/$service/children)
+}
+
+# resources: the resident memory in kB, the threads and the open files of all processes together.
+resources() {
+    for process in $(processes); do
+        awk '/^VmRSS/ {m = $2} /^Threads/ {t = $2} END {print m, t}' "/proc/$process/status"
+        ls "/proc/$process/fd" | wc -l
+    done | awk 'NF == 2 {m += $1; t += $2} NF == 1 {f += $1} END {print m " kB, " t " threads, " f " files"}'
+}
+
+# ticks: the processor time of all processes so far, in ms.
+ticks() {
+    for process in $(processes); do
+        cut -d' ' -f14,15 "/proc/$process/stat"
+    done | awk -v unit="$(getconf CLK_TCK)" '{s += $1 + $2} END {printf "%d", 1000 * s / unit}'
+}
+
+serve() {
+    "$portmetd" serve "$1" 2>"$folder/err" &
+    service=$!
+    until "$portmetd" query "$1" 2>/dev/null | grep -q ": idle"; do sleep 0.2; done
+}
+
+serve "$configs/double_pendulum.yaml"
+"$bench" "$configs/double_pendulum.yaml" 20 200 >/dev/null
+echo "double pendulum, before: $(resources)"
+"$bench" "$configs/double_pendulum.yaml" "$runs" 200
+echo "double pendulum, after $runs runs: $(resources)"
+kill $service
+wait $service
+
+cat >"$folder/idle.yaml" <<'SCENE'
+scene: idle
+time: {dt: 0.1, steps: 10, integrator: rk4}
+models:
+  mass: {energy: "|p|^2/2 + |q|^2/2", reversible: {given: [[q, p, 1.0]]}}
+  tie: {law: bracket, reversible: {given: [[b.q, a.p, 1.0]]}}
+subsystems:
+  "mass[1:65]":
+    model: mass
+    state: {q: {unit: m, size: 1}, p: {unit: kg m/s, size: 1}}
+    initial: {q: 1.0, p: 0.0}
+ports:
+  "tie[1:64]": {law: bracket, between: ["mass[i]", "mass[i+1]"], model: tie, expose: {"mass[i]": p, "mass[i+1]": q}}
+SCENE
+serve "$folder/idle.yaml"
+sleep 2
+before=$(ticks)
+sleep 60
+echo "idle, $(processes | wc -w) processes: $(($(ticks) - before)) ms of processor time in 60 s"
+"$bench" "$folder/idle.yaml" 1 1
+kill $service
+wait $service
