@@ -144,7 +144,8 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
                 PM_TRY(pm_prepare_checkpoint(nodes->setup, &nodes->options, name, &progress));
                 progress = progress == NULL ? scene->path : progress;
             }
-            PM_TRY(pm_launch_start(nodes->launch, name, (pm_launch_program){serve_node, nodes},
+            PM_TRY(pm_launch_start(nodes->launch, name,
+                                   (pm_launch_program){serve_node, nodes, control != NULL},
                                    progress));
             nodes->next += 1;
             nodes->at = pm_clock();

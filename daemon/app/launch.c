@@ -27,6 +27,7 @@
 #define MAX_DEATHS 6          // of a child, in a row, without progress
 #define LIVED 10.0            // s after which a child has made progress
 #define PAUSE 0.005           // s from a death to the new start; every death doubles it
+#define MOST_DOUBLED 8        // times
 
 typedef struct pm_child {
     const char *name;
@@ -133,10 +134,11 @@ static void reap(pm_child *child, const pm_journal *log) {
                             pm_clock() - child->started > LIVED;
     child->seen = file.st_mtim;
     child->deaths = progressed ? 1 : child->deaths + 1;
-    if (child->deaths <= MAX_DEATHS) {
+    if (child->deaths <= MAX_DEATHS || child->program.stays) {
+        const int doubled = child->deaths < MOST_DOUBLED ? child->deaths : MOST_DOUBLED;
         const int number = WTERMSIG(child->wait_status);
         char line[LINE];
-        child->restart_at = pm_clock() + PAUSE * (1 << child->deaths);
+        child->restart_at = pm_clock() + PAUSE * (1 << doubled);
         snprintf(line, sizeof line, "killed by signal %d (%s), started again", number,
                  strsignal(number));
         pm_journal_pass_on(log, child->name, line);

@@ -23,13 +23,15 @@ pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log
 typedef struct pm_launch_program {
     pm_status (*run)(void *context, const char *name);
     void *context;
+    bool stays; // the child is started again however often it dies
 } pm_launch_program;
 
 // Starts a child that runs `program`. Errors call the child `name`, and so do tools that list
 // processes. The child keeps the open files that a new program would inherit; it gets SIGTERM when
 // this process dies. `progress` is a file that the child replaces as it makes progress, or NULL.
 // With it, a child that a signal kills is started again after a short while, with a line on
-// standard error, unless it has died several times soon after its start without progress. The name,
+// standard error, unless it does not stay and has died several times soon after its start without
+// progress. The name,
 // the context and the path must outlive the child. PM_ENOMEM.
 pm_status pm_launch_start(pm_launch *launch, const char *name, pm_launch_program program,
                           const char *progress);

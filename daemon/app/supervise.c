@@ -59,11 +59,13 @@ static pm_status start_all(pm_launch *launch, shared *s) {
     }
     s->options.overwrite = true;
     s->options.log.json = false; // this process passes their lines on
-    PM_TRY(pm_launch_start(launch, "coordinator", (pm_launch_program){coordinate, s}, checkpoint));
+    PM_TRY(pm_launch_start(launch, "coordinator", (pm_launch_program){coordinate, s, false},
+                           checkpoint));
     for (int i = 0; i < scene->network.nprocess; ++i) {
         const char *name = scene->network.process[i].name;
         PM_TRY(pm_prepare_checkpoint(s->setup, &s->options, name, &checkpoint));
-        PM_TRY(pm_launch_start(launch, name, (pm_launch_program){serve_node, s}, checkpoint));
+        PM_TRY(
+            pm_launch_start(launch, name, (pm_launch_program){serve_node, s, false}, checkpoint));
     }
     return PM_OK;
 }

@@ -202,7 +202,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
         snprintf(control->owner, sizeof control->owner, "%s", from_client->name);
         snprintf(control->record, sizeof control->record, "%s", r->file);
         *run = (pm_control_run){
-            .number = c->run + 1,
+            .number = (run->number > 0 ? run->number : 1) + 1,
             .steps = r->steps,
             .pace = r->pace == 0 ? c->scene->run.pace : r->pace,
             .held = r->held != 0,

@@ -78,7 +78,7 @@ static pm_status look_at_file(const role *own) {
 static pm_launch *start_role(const role *r) {
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 2, &plain), PM_OK);
-    const pm_launch_program program = {act, (void *)(uintptr_t)r};
+    const pm_launch_program program = {act, (void *)(uintptr_t)r, false};
     assert_int_equal(pm_launch_start(launch, "lower", program, NULL), PM_OK);
     return launch;
 }
@@ -119,7 +119,7 @@ static void test_failure_is_named_with_its_code_and_line(void **state) {
     (void)state;
     pm_launch *launch = start(fail_numerically);
     role sleeper = {.act = stay};
-    const pm_launch_program program = {act, &sleeper};
+    const pm_launch_program program = {act, &sleeper, false};
     assert_int_equal(pm_launch_start(launch, "upper", program, NULL), PM_OK);
     const double begin = pm_clock();
     pm_status status = PM_OK;
@@ -163,13 +163,14 @@ static void test_child_closes_private_files(void **state) {
     close(file[1]);
 }
 
-// A child that is killed again and again is started again after growing pauses, then given up.
+// A child that is killed again and again is started again after growing pauses, then given up,
+// unless it is to stay.
 static void test_child_that_keeps_dying_is_given_up(void **state) {
     (void)state;
     pm_launch *launch = NULL;
     assert_int_equal(pm_launch_open(&launch, 1, &plain), PM_OK);
     role victim = {.act = be_killed};
-    const pm_launch_program program = {act, &victim};
+    const pm_launch_program program = {act, &victim, false};
     assert_int_equal(pm_launch_start(launch, "lower", program, "/nowhere/x"), PM_OK);
     const double begin = pm_clock();
     pm_status status = PM_OK;
@@ -179,7 +180,19 @@ static void test_child_that_keeps_dying_is_given_up(void **state) {
     }
     assert_int_equal(status, PM_ENET);
     assert_string_equal(pm_error(), "process lower was killed by signal 9 (Killed)");
-    assert_true(pm_clock() - begin > 0.5);
+    const double given_up = pm_clock() - begin;
+    assert_true(given_up > 0.5);
+    pm_launch_close(launch);
+    assert_none_left();
+
+    const pm_launch_program service = {act, &victim, true};
+    int deaths = 0;
+    assert_int_equal(pm_launch_open(&launch, 1, &plain), PM_OK);
+    assert_int_equal(pm_launch_start(launch, "lower", service, "/nowhere/x"), PM_OK);
+    for (const double end = pm_clock() + 4 * SLEEP; deaths < 8 && pm_clock() < end;) {
+        assert_int_equal(pm_launch_watch(launch, &deaths), PM_OK);
+    }
+    assert_int_equal(deaths, 8);
     pm_launch_close(launch);
     assert_none_left();
 }
