@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LEAST_CONSTANT 1e-12 // a positive constant begins at no less
+#define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
 #define COUPLED 1e-3          // of the changes that one co-energy explains of another one's
