@@ -68,6 +68,23 @@ succeed "w_behind" propose --data "$folder"/speed_?.csv --inputs u -o "$folder/s
 grep -q "^# \* w: moved by a hidden variable without loss" "$folder/speed/training.yaml" || fail "propose: expected a hidden current"
 succeed "Verdict: good" fit "$folder/speed/training.yaml" -o "$folder/speed/weights"
 
+# A cell as a logger sees it: its voltage, with a resistance and a pair that relaxes, and its current; the charge is hidden.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 0.5 + 0.4*rand(); print "t [s],V [V],I [A]"
+        for (k = 0; k < 150; k++) {
+            if (k % 10 == 0) I = int(40*rand())/10 - 1.5
+            noise = 0.001*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand())
+            printf "%d,%.5f,%g\n", 10*k, 3.3 + 0.7*q + 0.1*q*q - v - 0.06*I + noise, I
+            for (j = 0; j < 20; j++) { v += 0.5*(0.05*I - v)/60; q -= 0.5*I/7920 }
+        }
+    }' >"$folder/cell_$i.csv"
+done
+succeed "V_charge [A s]: a hidden charge behind a resistance" propose --data "$folder"/cell_?.csv --inputs I -o "$folder/cell"
+grep -q 'V: "system.dE.V_charge + system.V_pair1 - system.resistance_V_charge\*I"' "$folder/cell/scene.yaml" || fail "propose: expected the resistance in an observation"
+succeed "Verdict: good" fit "$folder/cell/training.yaml" -o "$folder/cell/weights"
+grep -qE "resistance_V_charge = 0.0(59|60)" "$folder/out" || fail "fit: expected a resistance of 0.06 ohm"
+
 # Two tanks in two parts: what leaves the upper one falls into the lower one. Units are converted.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

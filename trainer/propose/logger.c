@@ -27,11 +27,16 @@
 
 // Prints what was found, one line for each column.
 static void describe(const pm_logger_view *v) {
-    static const char *const kinds[] = {"a position", "a co-energy", "a temperature", "a level",
+    static const char *const kinds[] = {"a position",
+                                        "a co-energy",
+                                        "a temperature",
+                                        "a level",
+                                        "a hidden charge behind a resistance",
                                         "an input"};
     static const char *const effects[] = {"drives",       "moves, with a learned factor,",
                                           "heats",        "heats, with a learned factor,",
-                                          "is a bath of", "acts through a resistance on"};
+                                          "is a bath of", "acts through a resistance on",
+                                          "flows into"};
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
@@ -41,7 +46,7 @@ static void describe(const pm_logger_view *v) {
         }
         if (column->noise > 0) {
             const double percent = 100;
-            printf("; noise %.2g %% of its deviation", percent * column->noise / column->deviation);
+            printf("; noise %.2g %% of its deviation", percent * column->roughness);
         }
         for (int a = 0; a < v->naction; ++a) {
             if (v->action[a].input == c) {
@@ -99,8 +104,8 @@ static bool explains(const hidden_search *s) {
     int count = 0;
     for (int c = 0; c < s->first.nvariable; ++c) {
         const pm_logger_column *column = &s->first.column[c];
-        if (column->source != NULL && column->deviation > 0) {
-            noise += log(fmax(column->noise / column->deviation, ENOUGH));
+        if (column->id >= 0 && column->deviation > 0) {
+            noise += log(fmax(column->roughness, ENOUGH));
             ++count;
         }
     }
@@ -146,7 +151,7 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
         const pm_logger_column *other = &s->first.column[j];
         const bool same =
             j == c || (alike && pm_unit_equal(&other->dimension, &column->dimension) &&
-                       other->source != NULL && other->nother > 0);
+                       other->id >= 0 && other->nother > 0);
         if (same) {
             own[other->id] = guess;
         }
@@ -195,7 +200,10 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "its rate is hidden",
                                                         "a hidden level falls into it",
                                                         "moved by a hidden variable without loss",
-                                                        "exchanges heat with a hidden temperature"};
+                                                        "exchanges heat with a hidden temperature",
+                                                        "a cell with a resistance",
+                                                        "a cell with one relaxing pair",
+                                                        "a cell with two relaxing pairs"};
     fprintf(f, "# What nobody measures was found by short fits; error on the validation part, %% "
                "of the deviation:\n");
     for (int i = 0; i < s->count; ++i) {
@@ -203,7 +211,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
         fprintf(f, "# %s ", i == s->best ? "*" : "-");
         for (int c = 0; c < s->first.nvariable; ++c) {
             const pm_logger_column *column = &s->first.column[c];
-            if (column->source != NULL && s->guess[i][column->id] != PM_LOGGER_AS_FOUND) {
+            if (column->id >= 0 && s->guess[i][column->id] != PM_LOGGER_AS_FOUND) {
                 fprintf(f, "%s%s: %s", any ? "; " : "", column->name,
                         guess[s->guess[i][column->id]]);
                 any = true;

@@ -205,7 +205,10 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             }
             fprintf(f, "      %s: {unit: \"%s\"", column->name,
                     *column->unit == '\0' ? "1" : column->unit);
-            fputs(column->kind == PM_LOGGER_POSITION ? "" : ", coenergy: true", f);
+            fputs(column->kind == PM_LOGGER_POSITION || column->kind == PM_LOGGER_CHARGE
+                      ? ""
+                      : ", coenergy: true",
+                  f);
             if (column->source != NULL) {
                 fprintf(f, ", columns: [\"%s\"]}\n", column->source);
                 if (column->feeds) {
@@ -225,6 +228,35 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         }
         surroundings = surroundings || loses(v, i);
         level = level || falls(v, i);
+    }
+    // What the columns of cells show: V = dE/dq + what relaxes + R I, where R may fall with heat.
+    bool any = false;
+    for (int c = 0; c < v->nvariable; ++c) {
+        const pm_logger_column *cell = &v->column[c];
+        if (cell->seen == NULL) {
+            continue;
+        }
+        const char *part = v->part[cell->part];
+        fputs(any ? "" : "observations:\n", f);
+        any = true;
+        fprintf(f, "  %s: \"%s.dE.%s", cell->seen, part, cell->name);
+        for (int k = 0; k < v->nvariable; ++k) {
+            if (v->column[k].relaxes > 0 && v->column[k].behind == c) {
+                fprintf(f, " + %s.%s", part, v->column[k].name);
+            }
+        }
+        for (int u = v->nvariable; u < v->ncolumn; ++u) {
+            if (v->column[u].id == cell->current) {
+                fprintf(f, " %c %s.resistance_%s*%s", cell->resistance < 0 ? '-' : '+', part,
+                        cell->name, v->column[u].source);
+            }
+        }
+        const int T = v->thermometer[cell->part];
+        if (T >= 0) {
+            fprintf(f, "*exp(%s.warms_%s*(%s.%s - %.6g))", part, cell->name, part,
+                    v->column[T].name, v->column[T].mean);
+        }
+        fputs("\"\n", f);
     }
     if (surroundings || v->naction > 0) {
         fputs("boundary_inputs:\n", f);
@@ -523,10 +555,24 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
             fputs(some ? ", " : first, w->model);
             some = true;
+            // What flows both ways, or through a resistance, warms by its square.
+            double resistance = 0;
+            for (int c = 0; c < v->nvariable; ++c) {
+                const pm_logger_column *cell = &v->column[c];
+                const bool own = cell->seen != NULL && cell->current == v->column[input].id;
+                resistance = own ? fabs(cell->resistance) : resistance;
+            }
+            const double most = fmax(-v->column[input].least, v->column[input].largest);
+            const bool squared = v->column[input].least < 0 || resistance > 0;
             if (action->effect == PM_LOGGER_WARMS) {
-                pm_logger_constant(w, "gain", both, action->gain);
+                pm_logger_constant(w, squared ? "square" : "gain", both,
+                                   squared ? fmax(SMALL * fabs(action->gain), resistance * most)
+                                           : action->gain);
             }
             switch (action->effect) {
+            case PM_LOGGER_FILLS:
+                fprintf(w->model, "[%s, b.x, %.1f]", x, action->gain);
+                break;
             case PM_LOGGER_DRIVES:
                 fprintf(w->model, "[%s, b.x, 1.0]", x);
                 break;
@@ -539,6 +585,13 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
                 break;
             case PM_LOGGER_WARMS:
+                if (squared) {
+                    fprintf(w->model,
+                            "[%s, b.x, \"square_%s*b.dE.x/%.4g/%s\"], [b.s, b.x, "
+                            "\"-square_%s*b.dE.x/%.4g/%s\"]",
+                            x, both, most, dx, both, most, dx);
+                    break;
+                }
                 fprintf(w->model, "[%s, b.x, \"gain_%s/%s\"], [b.s, b.x, \"-gain_%s/%s\"]", x, both,
                         dx, both, dx);
                 break;

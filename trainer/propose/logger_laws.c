@@ -8,6 +8,9 @@
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
+#define POWERS_OF_CHARGE 3    // of the voltage of a cell
+#define KNEES_OF_CHARGE 8     // steps in it, evenly spaced
+#define MIDDLE 0.5            // of the distance between two of them
 #define COUPLED 1e-3          // of the changes that one co-energy explains of another one's
 #define WIDTH 25              // a temperature counts as varying by at least 1/25 of it
 #define LEAST_POWER 1.5       // of a temperature
@@ -190,7 +193,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     bool some = false, shared = false;
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *y = &w->v->column[c];
-        if (y->part != part || y->kind == PM_LOGGER_POSITION) {
+        if (y->part != part || y->kind == PM_LOGGER_POSITION || y->kind == PM_LOGGER_CHARGE) {
             continue;
         }
         const double own = y->inertia;
@@ -219,7 +222,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 pm_logger_constant(w, "wider", y->name, SMALL * own);
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
-            } else if (bends && y->mate < 0) {
+            } else if (bends && y->mate < 0 && y->relaxes == 0) {
                 write_bends(w, y, own);
             }
         }
@@ -249,16 +252,56 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
     for (int c = 0; c < w->v->nvariable; ++c) {
         feeds = feeds || (w->v->column[c].part == part && w->v->column[c].feeds);
     }
+    const int charges = pm_logger_count(w->v, part, PM_LOGGER_CHARGE);
+    if (positions + charges == 0 && !feeds) {
+        return;
+    }
+    if (charges > 0) {
+        fputs("    energy:\n", w->model);
+    }
+    for (int c = 0; c < w->v->nvariable; ++c) {
+        const pm_logger_column *q = &w->v->column[c];
+        if (q->part != part || q->kind != PM_LOGGER_CHARGE) {
+            continue;
+        }
+        // The voltage of a charge is a polynomial with smooth steps.
+        const double d = fmax(fabs(q->least), fabs(q->largest));
+        const char *name = q->name;
+        pm_logger_constant(w, "resistance", name, fabs(q->resistance));
+        if (w->v->thermometer[q->part] >= 0) {
+            (void)pm_logger_number(w, "warms", name, 0, 1);
+        }
+        (void)pm_logger_number(w, "u0", name, q->voltage, 1);
+        (void)pm_logger_number(w, "u1", name, q->slope * d, 1);
+        fprintf(w->model, "      - \"u0_%s*%s + u1_%s*%s^2/%.6g\"\n", name, name, name, name,
+                2 * d);
+        for (int k = 2; k <= POWERS_OF_CHARGE; ++k) {
+            char kind[] = "u0";
+            kind[1] = (char)('0' + k);
+            (void)pm_logger_number(w, kind, name, 0, 1);
+            fprintf(w->model, "      - \"%s_%s*%.6g*(%s/%.6g)^%d\"\n", kind, name, d / (k + 1),
+                    name, d, k + 1);
+        }
+        const double apart = (q->largest - q->least) / KNEES_OF_CHARGE;
+        for (int k = 0; k < KNEES_OF_CHARGE; ++k) {
+            char kind[] = "knee1";
+            kind[strlen(kind) - 1] = (char)('1' + k);
+            (void)pm_logger_number(w, kind, name, 0, 1);
+            fprintf(w->model, "      - \"%s_%s*sqrt((%s - %.6g)^2 + %.6g)\"\n", kind, name, name,
+                    q->least + (k + MIDDLE) * apart, MIDDLE * apart * apart);
+        }
+    }
     if (positions == 0 && !feeds) {
         return;
     }
     if (positions > 0 && w->chosen[PM_LOGGER_POTENTIAL] == NETWORK_OF_POSITIONS) {
-        fputs("    energy:\n      - {features: [", w->model);
+        fputs(charges > 0 ? "" : "    energy:\n", w->model);
+        fputs("      - {features: [", w->model);
         write_position_features(w, part, "");
         fputs("], hidden: [8], skip: quadratic}\n", w->model);
         return;
     }
-    fputs("    energy:\n", w->model);
+    fputs(charges > 0 ? "" : "    energy:\n", w->model);
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (w->v->column[c].part == part && w->v->column[c].feeds) {
             fprintf(w->model, "      - \"%.4g*z_%s\"   # of the height through which fluid falls\n",

@@ -1,6 +1,7 @@
 // Differences of samples, and the windows of the regressions.
 #include "propose/logger_samples.h"
 
+#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -206,6 +207,18 @@ void pm_logger_regress_all(pm_logger_samples *w) {
         }
         view->column[i].decay = -view->coupling[i][i];
     }
+    // Nothing but the current moves the charge of a cell, or what relaxes in it.
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *column = &view->column[i];
+        for (int j = 0; j < view->ncolumn && (column->seen != NULL || column->relaxes > 0); ++j) {
+            view->coupling[i][j] = view->coupling[j][i] = 0;
+            view->share[i][j] = view->share[j][i] = 0;
+        }
+        if (column->relaxes > 0) {
+            view->coupling[i][i] = -1 / column->relaxes;
+            view->column[i].decay = 1 / column->relaxes;
+        }
+    }
     for (int i = 0; i < view->nvariable; ++i) {
         double rate = fabs(view->coupling[i][i]);
         for (int j = 0; j < view->nvariable; ++j) {
@@ -234,6 +247,7 @@ void pm_logger_find_noise(pm_logger_samples *w) {
         const double fourth = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
         const double sixth = differences(w, c, SIXTH, difference6, SIXTH_DIFFERENCE);
         column->noise = sixth > WHITE * fourth && sixth > CLEAN * column->deviation ? sixth : 0;
+        column->roughness = column->noise / fmax(column->deviation, DBL_MIN);
         view->noisy = view->noisy || column->noise > 0;
     }
 }

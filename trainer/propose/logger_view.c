@@ -18,6 +18,7 @@
 #define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
 #define CLEAR 8.0       // times its noise: a column changes clearly
 #define SHARE 8         // part of a trajectory beyond which nothing is sought
+#define JUMPS 0.2       // of the changes: a column jumps with an input that explains so much
 #define ROOM 293.15     // K
 #define COLDEST 200.0   // K, of surroundings
 #define HOTTEST 400.0
@@ -182,6 +183,120 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
     }
 }
 
+// Regresses the changes of column y from sample to sample on the column, on input u, and, if
+// `jumps`, on the changes of u, whose coefficient is returned in *jump. Returns the unexplained
+// part.
+static double regress_jumps(const pm_logger_samples *w, int y, int u, bool jumps, double *jump) {
+    const pm_dataset *d = w->view->dataset;
+    double solution[4] = {0};
+    pm_least_squares *s = w->squares;
+    memset(s, 0, sizeof *s);
+    s->n = jumps ? 4 : 3;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k + 1 < d->ntime; ++k) {
+            const double *now = pm_logger_row(w, i, k), *next = pm_logger_row(w, i, k + 1);
+            const double x[] = {1, now[u] - w->view->column[u].mean,
+                                now[y] - w->view->column[y].mean, next[u] - now[u]};
+            if (isfinite(next[y] - now[y]) && isfinite(x[3])) {
+                pm_least_squares_add(s, x, next[y] - now[y]);
+            }
+        }
+    }
+    const double rest = pm_least_squares_solve(s, solution);
+    *jump = jumps ? solution[3] : 0;
+    return rest;
+}
+
+// Makes column y that of the charge of a cell: what is left of it without its jumps, V, follows the
+// integral of the input, J, with the slope that the changes within trajectories show, so that the
+// charge is (V(0) - mean)/slope + J. Adds `pairs` that relax, which begin with half of the
+// resistance and with times between a step and a trajectory.
+static void add_cell(pm_logger_samples *w, int y, int u, double jump, int pairs) {
+    pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    pm_logger_column *column = &view->column[y];
+    const double sign = jump < 0 ? -1 : 1;
+    double product = 0, square = 0, length = 0;
+    for (int k = 0; k < w->nrow; ++k) {
+        double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+        row[y] -= jump * row[u];
+    }
+    (void)pm_logger_measure(w, y);
+    for (int pass = 0; pass < 2; ++pass) { // the slope, then the charges
+        const double slope = product > 0 && square > 0 ? product / square : column->slope;
+        column->slope = slope;
+        for (int i = 0; i < d->ntrajectory; ++i) {
+            double charge = 0, sum[4] = {0}, first = NAN;
+            int count = 0;
+            for (int k = 0; k < d->ntime && isfinite(pm_logger_time(w, i, k)); ++k) {
+                double *row = pm_logger_row(w, i, k);
+                const double value = row[y];
+                if (k > 0) {
+                    const double before = pm_logger_row(w, i, k - 1)[u];
+                    const double step = pm_logger_time(w, i, k) - pm_logger_time(w, i, k - 1);
+                    charge += isfinite(before) ? sign * before * step : 0;
+                    length = fmax(length, pm_logger_time(w, i, k) - pm_logger_time(w, i, 0));
+                }
+                first = isfinite(first) ? first : value;
+                if (pass == 1) {
+                    row[y] = (first - column->voltage) / slope + charge;
+                } else if (isfinite(value)) {
+                    sum[0] += charge, sum[1] += value;
+                    sum[2] += charge * charge, sum[3] += charge * value;
+                    ++count;
+                }
+            }
+            if (pass == 0 && count > 0) {
+                square += sum[2] - sum[0] * sum[0] / count;
+                product += sum[3] - sum[0] * sum[1] / count;
+            }
+        }
+        if (pass == 0) {
+            column->voltage = column->mean;
+            column->slope = column->deviation / fmax(sqrt(square / w->nrow), DBL_MIN);
+        }
+    }
+    const char *name = column->name, *unit = column->unit;
+    const int part = column->part;
+    column->seen = column->source;
+    column->source = NULL;
+    column->name = pm_arena_printf(&view->arena, "%s_charge", name);
+    column->unit = pm_arena_printf(&view->arena, "%s s", view->column[u].unit);
+    column->kind = PM_LOGGER_CHARGE;
+    column->dimension = pm_unit_parse(column->unit);
+    column->current = view->column[u].id;
+    column->resistance = jump;
+    (void)pm_logger_measure(w, y);
+    view->hides = true;
+    for (int k = 0; k < pairs; ++k) {
+        char suffix[] = "pair1";
+        suffix[strlen(suffix) - 1] = (char)('1' + k);
+        const int x = add_hidden(w, y, suffix, unit, PM_LOGGER_FLOW);
+        pm_logger_column *pair = &view->column[x];
+        pair->name = pm_arena_printf(&view->arena, "%s_%s", name, suffix);
+        pair->part = part;
+        pair->relaxes = d->dt * pow(length / d->dt, (1 + k) / (2.0 + pairs));
+        pair->current = column->current;
+        // The voltage that the current leaves in the pair.
+        double spread = 0;
+        for (int v = view->nvariable; v < view->ncolumn; ++v) {
+            spread = view->column[v].id == column->current
+                         ? hypot(view->column[v].deviation, view->column[v].mean)
+                         : spread;
+        }
+        pair->resistance = fabs(jump) / 2;
+        pair->inertia = pair->relaxes / pair->resistance;
+        for (int i = 0; i < w->nrow; ++i) {
+            w->value[(ptrdiff_t)i * PM_LOGGER_COLUMNS + x] = 0;
+        }
+        pair->deviation = pair->resistance * spread;
+        pair->mean = 0;
+        pair->least = -pair->deviation;
+        pair->largest = pair->deviation;
+    }
+    pm_logger_divide(w);
+}
+
 // Finds positions with their velocities, then gives each variable its kind.
 static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     pm_logger_view *view = w->view;
@@ -234,6 +349,23 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             continue;
         }
         const bool length = has_unit(column, "m");
+        // The input with which the column jumps.
+        double most = JUMPS, jump = 0;
+        int current = -1;
+        for (int u = view->nvariable; u < view->ncolumn; ++u) {
+            double own, none;
+            const double with = regress_jumps(w, c, u, true, &own);
+            const double share = regress_jumps(w, c, u, false, &none) - with;
+            if (view->column[u].held && share > most) {
+                most = share, jump = own, current = u;
+            }
+        }
+        if (current >= 0 && view->ncolumn + 2 < PM_LOGGER_COLUMNS &&
+            (guess == PM_LOGGER_AS_FOUND || guess >= PM_LOGGER_CELL)) {
+            column->guess = guess == PM_LOGGER_AS_FOUND ? PM_LOGGER_CELL_1 : guess;
+            add_cell(w, c, current, jump, (int)column->guess - PM_LOGGER_CELL);
+            continue;
+        }
         if (guess == PM_LOGGER_AS_FOUND) {
             const bool level =
                 length && (fluid || pm_logger_regress(w, c, used, NULL) < FIRST_ORDER);
@@ -260,8 +392,13 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             [PM_LOGGER_FED] = room && !thermal && !rate && !column->angle,
             [PM_LOGGER_MOVED] = room && !thermal && !has_unit(column, "m") && !column->angle,
             [PM_LOGGER_BESIDE] = room && thermal};
+        if (column->seen != NULL) { // a cell
+            const pm_logger_guess cells[] = {PM_LOGGER_CELL, PM_LOGGER_CELL_2, PM_LOGGER_COMPLETE};
+            memcpy(column->other, cells, sizeof cells);
+            column->nother = sizeof cells / sizeof *cells;
+        }
         const bool alone = column->mate < 0 || view->column[column->mate].source == NULL;
-        for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_NGUESS && column->source != NULL && alone;
+        for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_CELL && column->source != NULL && alone;
              ++g) {
             if (may[g] && g != (int)column->guess) {
                 column->other[column->nother++] = (pm_logger_guess)g;
@@ -271,6 +408,10 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
 }
 
 // --- inputs and scales ---
+
+static bool is_coenergy(const pm_logger_column *c) {
+    return c->kind != PM_LOGGER_POSITION && c->kind != PM_LOGGER_CHARGE;
+}
 
 // Returns how an input may act on a variable by its unit: with the factor 1, as heat or as a bath;
 // a factor that is learned where units do not say.
@@ -303,7 +444,7 @@ static bool is_learned(pm_logger_effect effect) {
 static int driven_by(const pm_logger_view *view, int u) {
     int best = -1;
     for (int c = 0; c < view->nvariable; ++c) {
-        if (view->column[c].kind != PM_LOGGER_POSITION &&
+        if (is_coenergy(&view->column[c]) && view->column[c].relaxes == 0 &&
             effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES &&
             view->coupling[c][u] > 0 && (best < 0 || view->share[c][u] > view->share[best][u])) {
             best = c;
@@ -316,6 +457,19 @@ static int driven_by(const pm_logger_view *view, int u) {
 // whose changes it explains. An input drives one variable; others that it moves it may move through
 // an inertia that they share, so that its factor for them is learned.
 static void find_actions(pm_logger_view *view) {
+    for (int c = 0; c < view->nvariable; ++c) {
+        const pm_logger_column *cell =
+            view->column[c].relaxes > 0 ? &view->column[view->column[c].behind] : &view->column[c];
+        for (int u = view->nvariable; u < view->ncolumn && cell->seen != NULL; ++u) {
+            if (view->column[u].id == cell->current) {
+                view->action[view->naction++] =
+                    (pm_logger_action){.input = u,
+                                       .target = c,
+                                       .effect = PM_LOGGER_FILLS,
+                                       .gain = cell->resistance < 0 ? -1 : 1};
+            }
+        }
+    }
     for (int u = view->nvariable; u < view->ncolumn; ++u) {
         bool by_unit = false;
         double best = 0;
@@ -323,7 +477,7 @@ static void find_actions(pm_logger_view *view) {
         const int driven = driven_by(view, u);
         for (int pass = 0; pass < 3; ++pass) { // units, the best share, actions
             for (int c = 0; c < view->nvariable; ++c) {
-                if (view->column[c].kind == PM_LOGGER_POSITION) {
+                if (!is_coenergy(&view->column[c]) || view->column[c].relaxes > 0) {
                     continue;
                 }
                 const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
@@ -362,9 +516,10 @@ static void find_scales(pm_logger_samples *w) {
     // is the unit, and an input of known power fixes how large it is.
     for (int c = 0; c < view->nvariable; ++c) {
         const bool hidden = view->column[c].behind >= 0;
-        known[c] = view->column[c].free_scale =
-            hidden && view->column[c].kind != PM_LOGGER_TEMPERATURE;
-        for (int a = 0; a < view->naction && known[c]; ++a) {
+        view->column[c].free_scale =
+            hidden && view->column[c].relaxes == 0 && view->column[c].kind != PM_LOGGER_TEMPERATURE;
+        known[c] = view->column[c].free_scale || view->column[c].relaxes > 0;
+        for (int a = 0; a < view->naction && view->column[c].free_scale; ++a) {
             const double response = fabs(view->coupling[c][view->action[a].input]);
             if (view->action[a].target == c && view->action[a].effect == PM_LOGGER_DRIVES &&
                 response > 0) {
@@ -378,7 +533,8 @@ static void find_scales(pm_logger_samples *w) {
         pm_logger_column *c = &view->column[action->target];
         const double response = fabs(view->coupling[action->target][action->input]);
         if (!is_learned(action->effect) && action->effect != PM_LOGGER_BATH &&
-            action->effect != PM_LOGGER_THROUGH && response > 0 && !c->free_scale) {
+            action->effect != PM_LOGGER_THROUGH && action->effect != PM_LOGGER_FILLS &&
+            response > 0 && !c->free_scale) {
             // Heat enters an entropy, whose derivative is the capacity over the temperature.
             c->inertia = 1 / response;
             known[action->target] = true;
@@ -392,8 +548,7 @@ static void find_scales(pm_logger_samples *w) {
                 const double share = view->falls[i][j] ? view->share[j][i]
                                                        : fmin(view->share[i][j], view->share[j][i]);
                 const bool thermal = view->column[i].kind == PM_LOGGER_TEMPERATURE;
-                if (known[i] && !known[j] && share > best &&
-                    view->column[j].kind != PM_LOGGER_POSITION &&
+                if (known[i] && !known[j] && share > best && is_coenergy(&view->column[j]) &&
                     thermal == (view->column[j].kind == PM_LOGGER_TEMPERATURE)) {
                     best = share, from = i, to = j;
                 }
@@ -407,8 +562,7 @@ static void find_scales(pm_logger_samples *w) {
                 fabs((falls ? view->column[from].decay : view->coupling[from][to]) / back);
         } else {
             // Nothing fixes the scale of what is left: that of the first becomes the unit.
-            for (to = 0; to < view->nvariable &&
-                         (known[to] || view->column[to].kind == PM_LOGGER_POSITION);) {
+            for (to = 0; to < view->nvariable && (known[to] || !is_coenergy(&view->column[to]));) {
                 ++to;
             }
             if (to == view->nvariable) {
@@ -419,9 +573,41 @@ static void find_scales(pm_logger_samples *w) {
         }
         known[to] = true;
     }
+    // The power of a cell's resistance is known: at the mean it balances the heat that leaves.
+    for (int a = 0; a < view->naction; ++a) {
+        const pm_logger_action *action = &view->action[a];
+        const pm_logger_column *u = &view->column[action->input];
+        for (int c = 0; c < view->nvariable && action->effect == PM_LOGGER_FILLS; ++c) {
+            const pm_logger_column *cell = &view->column[action->target];
+            pm_logger_column *T = &view->column[c];
+            if (cell->seen == NULL || T->kind != PM_LOGGER_TEMPERATURE || T->source == NULL ||
+                T->part != cell->part) {
+                continue;
+            }
+            const double decay = fmax(T->decay, SLOW / (view->dataset->dt * view->dataset->ntime));
+            double outside = T->constant / decay;
+            for (int b = 0; b < view->naction; ++b) {
+                const pm_logger_action *bath = &view->action[b];
+                outside = bath->target == c && bath->effect == PM_LOGGER_BATH
+                              ? view->column[bath->input].mean
+                              : outside;
+            }
+            const double power =
+                fabs(cell->resistance) * (u->mean * u->mean + u->deviation * u->deviation);
+            T->inertia = power / (fmax(T->mean - outside, SLOW * T->deviation) * decay);
+            T->free_scale = false;
+            for (int k = 0; k < view->nvariable; ++k) {
+                view->warms[k][c] = view->warms[k][c] || (view->column[k].relaxes > 0 &&
+                                                          view->column[k].part == cell->part);
+            }
+        }
+    }
     for (int a = 0; a < view->naction; ++a) {
         pm_logger_action *action = &view->action[a];
         const pm_logger_column *c = &view->column[action->target];
+        if (action->effect == PM_LOGGER_FILLS) {
+            continue;
+        }
         action->gain = c->inertia * view->coupling[action->target][action->input];
     }
     // Temperatures may tend towards surroundings which no input describes.
@@ -663,12 +849,21 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     find_kinds(&w, hints);
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];
-        if (column->source == NULL) {
+        if (column->source == NULL && column->seen == NULL) {
             view->column[c].part =
                 view->column[column->mate >= 0 ? column->mate : column->behind].part;
         }
     }
     pm_logger_regress_all(&w);
+    for (int i = 0; i < view->npart; ++i) {
+        view->thermometer[i] = -1;
+        for (int c = view->nvariable - 1; c >= 0; --c) {
+            const pm_logger_column *column = &view->column[c];
+            const bool measured = column->part == i && column->source != NULL;
+            view->thermometer[i] =
+                measured && column->kind == PM_LOGGER_TEMPERATURE ? c : view->thermometer[i];
+        }
+    }
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);

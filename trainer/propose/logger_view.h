@@ -21,6 +21,7 @@ typedef enum pm_logger_kind {
     PM_LOGGER_FLOW,        // a co-energy such as a velocity, a current, a voltage or a pressure
     PM_LOGGER_TEMPERATURE, // the co-energy of an entropy
     PM_LOGGER_LEVEL,       // the co-energy of a volume, but for the weight of the fluid
+    PM_LOGGER_CHARGE,      // an energy variable; its rate is an input
     PM_LOGGER_INPUT
 } pm_logger_kind;
 
@@ -32,6 +33,11 @@ typedef enum pm_logger_guess {
     PM_LOGGER_FED,      // a level, into which fluid falls from a hidden one
     PM_LOGGER_MOVED,    // a co-energy, moved without loss by a hidden one of another kind
     PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
+    // The voltage of a hidden charge behind a resistance, as of a cell, with 0 to 2 pairs of a
+    // resistance and a capacity in series. The current is the input with which the column jumps.
+    PM_LOGGER_CELL,
+    PM_LOGGER_CELL_1,
+    PM_LOGGER_CELL_2,
     PM_LOGGER_NGUESS
 } pm_logger_guess;
 
@@ -56,18 +62,27 @@ typedef struct pm_logger_column {
     // no input fixes its size. Then it is the unit of all energies that depend on it.
     double inertia;
     bool free_scale;
-    double decay;    // 1/s: minus the coefficient of the variable in its own rate
-    bool feeds;      // a level from which fluid falls into another part
-    double constant; // the rate that depends on nothing, in its unit per s
+    // A charge whose co-energy, behind a resistance, is seen in the column `seen` of the dataset,
+    // or NULL; `current` is the identifier of the input, and resistance is negative if the charge
+    // falls with it. A column that relaxes takes part in this sum.
+    const char *seen;
+    int current;
+    double resistance, voltage, slope; // at the mean charge, and its derivative
+    double relaxes;                    // s: of a voltage in series with a cell; 0: none
+    double roughness;                  // of a measured column: noise over deviation
+    double decay;                      // 1/s: minus the coefficient of the variable in its own rate
+    bool feeds;                        // a level from which fluid falls into another part
+    double constant;                   // the rate that depends on nothing, in its unit per s
 } pm_logger_column;
 
 typedef enum pm_logger_effect {
-    PM_LOGGER_DRIVES, // the product of the units is a power: it acts with the factor 1
-    PM_LOGGER_GAIN,   // acts with a factor that is learned
-    PM_LOGGER_HEATS,  // a power that becomes heat
-    PM_LOGGER_WARMS,  // heats with a factor that is learned
-    PM_LOGGER_BATH,   // a temperature that exchanges heat
-    PM_LOGGER_THROUGH // a co-energy of the same kind, through a resistance
+    PM_LOGGER_DRIVES,  // the product of the units is a power: it acts with the factor 1
+    PM_LOGGER_GAIN,    // acts with a factor that is learned
+    PM_LOGGER_HEATS,   // a power that becomes heat
+    PM_LOGGER_WARMS,   // heats with a factor that is learned
+    PM_LOGGER_BATH,    // a temperature that exchanges heat
+    PM_LOGGER_THROUGH, // a co-energy of the same kind, through a resistance
+    PM_LOGGER_FILLS // it is the rate of a charge, or of that of a relaxing pair; gain is its sign
 } pm_logger_effect;
 
 // An input that acts on a variable.
@@ -92,6 +107,7 @@ typedef struct pm_logger_view {
     pm_logger_column column[PM_LOGGER_COLUMNS];
     int npart;
     const char *part[PM_LOGGER_PARTS];
+    int thermometer[PM_LOGGER_PARTS]; // the first temperature that is measured in a part; -1
     int nport;
     int port[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts that move each other
     int naction;
