@@ -55,7 +55,8 @@ static pm_status declare_hidden(const declaration *d, const char *name, int rows
                                 double spread) {
     parameter_name full;
     PM_TRY(declare(d, name, rows, cols, true, spread, NULL));
-    pm_params_find(d->params, join(full, d->prefix, name))->late = d->late;
+    pm_params_find(d->params, join(full, d->prefix, name))->late =
+        d->late ? PM_LATE_LAYERS : PM_AT_ONCE;
     return PM_OK;
 }
 

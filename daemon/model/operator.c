@@ -122,10 +122,12 @@ pm_support pm_support_of(const pm_operator_spec *spec, bool irreversible, const 
     for (int i = 0; i < site->ngroup; ++i) {
         const pm_site_group *group = &site->group[i];
         const bool listed = pm_is_listed(spec->nheats, spec->heats, group->name);
+        const bool against =
+            spec->learned && pm_is_listed(spec->nagainst, spec->against, group->name);
         const bool learned =
-            spec->learned && (pm_is_listed(spec->nacts, spec->acts_on, group->name) ||
-                              pm_is_listed(spec->nagainst, spec->against, group->name));
-        if (learned || pm_given_names(spec, group->name) ||
+            spec->learned &&
+            (pm_is_listed(spec->nacts, spec->acts_on, group->name) || (against && !irreversible));
+        if (learned || against || pm_given_names(spec, group->name) ||
             (irreversible && (listed || (difference && group->entropy)))) {
             // If a single entropy takes up all the heat, its rate follows from the rates of the
             // other variables, and the learned factor has no row for it.
@@ -504,11 +506,21 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
     const pm_operator_spec *spec = c->op->spec;
     const pm_node rows = from_frame(c, pm_transpose(g, c->matrix));
     const pm_shape shape = {true, 1, c->support.n};
+    // What leaves a group of acts_on enters the group against it.
+    const pm_node own = pm_mul(g, rows, c->scale);
+    pm_node part[2 * PM_MAX_GROUPS];
+    for (int i = 0; i < c->support.ngroup; ++i) {
+        part[i] = part_of(c, own, i);
+    }
+    for (int k = 0; k < spec->nagainst; ++k) {
+        part[find_group(&c->support, spec->against[k])] =
+            pm_scale(g, part[find_group(&c->support, spec->acts_on[k])], -1);
+    }
     const bool shared = count_heats(spec, c->site) > 1;
     pm_dissipation dissipation = {
         .driving = pm_broadcast_to(g, d, shape),
         .normal = pm_broadcast_to(g, normal, shape),
-        .factor = pm_mul(g, rows, c->scale),
+        .factor = pm_concat(g, c->support.ngroup, part),
         .power = pm_network_param(g, params, c->op->prefix, "power"),
         .reference = pm_network_param(g, params, c->op->prefix, "temperature"),
         .warmth = pm_warmth(g, params),
@@ -660,6 +672,16 @@ static pm_status check_groups(const pm_operator *op, const pm_site *site) {
                            spec->against[i]);
         }
     }
+    for (int i = 0; i < spec->nagainst && op->kind == PM_IRREVERSIBLE; ++i) {
+        const int own = i < spec->nacts ? find_group(&s, spec->acts_on[i]) : s.ngroup;
+        if (spec->nheats == 0 || own == s.ngroup ||
+            s.group[own]->size != s.group[find_group(&s, spec->against[i])]->size) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: \"%s\" needs a group of its size at the same place of acts_on, and "
+                           "heats",
+                           op->prefix, spec->against[i]);
+        }
+    }
     for (int i = 0; i < spec->ngiven; ++i) {
         PM_TRY(check_pair(spec, i, op->kind == PM_REVERSIBLE, site, &s, op->prefix));
     }
@@ -691,7 +713,7 @@ static pm_status check_along(const pm_operator *op, const pm_site *site, const p
 // the rates hardly depend on them there.
 static pm_status add_late(pm_params *params, const char *name, int rows, int columns) {
     PM_TRY(pm_params_add(params, name, rows, columns, true, 0, 0));
-    pm_params_find(params, name)->late = true;
+    pm_params_find(params, name)->late = PM_LATE;
     return PM_OK;
 }
 
@@ -716,9 +738,10 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
         }
         for (int i = 0; i < params->count; ++i) {
             pm_param_entry *entry = &params->entry[i];
-            entry->late =
-                entry->late || (entry->trained && strncmp(entry->name, name, length) == 0 &&
-                                entry->name[length] == '.');
+            if (entry->trained && strncmp(entry->name, name, length) == 0 &&
+                entry->name[length] == '.') {
+                entry->late = PM_LATE;
+            }
         }
     }
     if (nheat < 2) {
@@ -795,7 +818,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
             snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, constants->name[i]);
             pm_param_entry *entry = pm_params_find(params, name);
             if (entry != NULL && strstr(formula->text, constants->name[i]) != NULL) {
-                entry->late = true;
+                entry->late = PM_LATE;
             }
         }
     }

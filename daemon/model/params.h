@@ -11,11 +11,18 @@
 #include "base/rng.h"
 #include "base/status.h"
 
+// Until when a trained entry stays as it starts.
+typedef enum pm_lateness {
+    PM_AT_ONCE,     // it does not
+    PM_LATE,        // the trainer has compared several initial weights
+    PM_LATE_LAYERS, // and has fitted the best of them with what is PM_LATE
+} pm_lateness;
+
 typedef struct pm_param_entry {
     char *name; // e.g. "energy.1.layer0.weight"
     int rows, cols;
-    bool trained;  // true: the optimiser changes it; false: it is fixed from the data
-    bool late;     // stays as it starts while the trainer compares several initial weights
+    bool trained; // true: the optimiser changes it; false: it is fixed from the data
+    pm_lateness late;
     double spread; // standard deviation of the numbers that pm_params_randomise adds
     double *value; // [rows][cols], owned unless borrowed; the pointer stays valid until
                    // pm_params_free

@@ -222,7 +222,8 @@ typedef struct pm_given_pair {
 //     rotates with the state.
 // A reversible operator may act on some groups `against` others, which acts_on
 // does not list: C has rows for `acts_on` and columns for `against`. The groups of the two lists
-// drive each other like the two groups of a pair.
+// drive each other like the two groups of a pair. In an irreversible operator what leaves group k
+// of acts_on enters group k of `against`, and the difference of their co-energies drives it.
 typedef struct pm_operator_spec {
     int ngiven;
     const pm_given_pair *given;
@@ -230,7 +231,7 @@ typedef struct pm_operator_spec {
     pm_network_spec network;
     int nacts;
     const char *const *acts_on;
-    int nagainst; // only reversible operators
+    int nagainst; // in an irreversible operator, which needs `heats`, at most as many as acts_on
     const char *const *against;
     int nalong;
     const char *const *along;

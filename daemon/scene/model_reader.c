@@ -294,13 +294,15 @@ static pm_status read_learned(pm_yaml block, pm_arena *arena, bool reversible,
                                            {PM_YAML_TEXTS("along", &op->nalong, &op->along)},
                                            NETWORK_KEYS(v),
                                            {0}};
-    const pm_yaml_key irreversible_keys[] = {{PM_YAML_VALUE("acts_on", &acts), .required = true},
-                                             {PM_YAML_TEXTS("along", &op->nalong, &op->along)},
-                                             {PM_YAML_INT("rank", &op->rank, 1, MAX_RANK)},
-                                             {PM_YAML_TEXTS("heats", &op->nheats, &op->heats)},
-                                             {PM_YAML_VALUE("strength", &strength)},
-                                             NETWORK_KEYS(v),
-                                             {0}};
+    const pm_yaml_key irreversible_keys[] = {
+        {PM_YAML_VALUE("acts_on", &acts), .required = true},
+        {PM_YAML_TEXTS("against", &op->nagainst, &op->against)},
+        {PM_YAML_TEXTS("along", &op->nalong, &op->along)},
+        {PM_YAML_INT("rank", &op->rank, 1, MAX_RANK)},
+        {PM_YAML_TEXTS("heats", &op->nheats, &op->heats)},
+        {PM_YAML_VALUE("strength", &strength)},
+        NETWORK_KEYS(v),
+        {0}};
     PM_TRY(pm_yaml_read(block, arena, reversible ? reversible_keys : irreversible_keys));
     const char **names = NULL;
     PM_TRY(pm_yaml_texts(acts, arena, &op->nacts, &names));

@@ -128,8 +128,8 @@ static void weighted_samples_count_by_their_importance(void **state) {
            *matrix = diagonal + n;
     pm_gauss_newton *m = NULL;
     pm_gauss_newton *p = NULL;
-    assert_int_equal(pm_gauss_newton_open(&m, b.objective, true), PM_OK);
-    assert_int_equal(pm_gauss_newton_open(&p, b.objective, false), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&m, b.objective, true, NULL), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&p, b.objective, false, NULL), PM_OK);
     for (int i = 0; i < COUNT; ++i) {
         importance[i] = 0.5 + i % 5;
         pm_gauss_newton_evaluate(m, 1, &i, one, matrix);
@@ -164,7 +164,7 @@ static void the_penalty_is_differentiated(void **state) {
     pm_damped_equations e;
     double *theta = calloc(2 * (size_t)b.size, sizeof *theta), *plain = theta + b.size;
     assert_non_null(theta);
-    assert_int_equal(pm_damped_equations_open(&e, b.objective, true), PM_OK);
+    assert_int_equal(pm_damped_equations_open(&e, b.objective, true, NULL), PM_OK);
     pm_objective_weights(b.objective, theta);
     pm_damped_equations_linearise(&e, COUNT, b.index, 1, 1, theta);
     memcpy(plain, e.gradient, (size_t)b.size * sizeof *plain);

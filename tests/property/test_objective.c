@@ -256,7 +256,7 @@ static void check_normal(uint64_t seed, bool soft, double robust) {
     bench_open(&b, seed, soft, robust);
     double *gradient = vector(b.size), *H = vector(b.size * b.size);
     pm_gauss_newton *normal = NULL;
-    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true, NULL), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
     pm_gauss_newton_evaluate(normal, COUNT, b.index, gradient, H);
     const double size = sqrt(dot(b.size, b.gradient, b.gradient));
@@ -305,8 +305,8 @@ static void check_products(uint64_t seed, bool soft, double robust) {
            *v = diagonal + b.size, *Hv = v + b.size, *H = vector(b.size * b.size);
     pm_gauss_newton *matrix = NULL;
     pm_gauss_newton *product = NULL;
-    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true), PM_OK);
-    assert_int_equal(pm_gauss_newton_open(&product, b.objective, false), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true, NULL), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&product, b.objective, false, NULL), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
     pm_gauss_newton_evaluate(matrix, COUNT, b.index, gradient, H);
     pm_gauss_newton_linearise(product, COUNT, b.index, 1, same, diagonal);
@@ -345,7 +345,7 @@ static double decrease(bench *b, bool matrix, const double *H, double damping) {
     pm_damped_equations e;
     double *step = vector(2 * b->size), *Hx = step + b->size;
     pm_objective_evaluate(b->objective, COUNT, b->index, b->gradient);
-    assert_int_equal(pm_damped_equations_open(&e, b->objective, matrix), PM_OK);
+    assert_int_equal(pm_damped_equations_open(&e, b->objective, matrix, NULL), PM_OK);
     pm_damped_equations_linearise(&e, COUNT, b->index, 1, 0, b->theta);
     assert_true(pm_damped_equations_solve(&e, b->theta, damping, 100, step));
     matrix_times(b->size, H, step, Hx);
@@ -366,7 +366,7 @@ static void conjugate_gradients_find_the_step(void **state) {
     bench_open(&b, 3, true, 0);
     double *gradient = vector(b.size), *H = vector(b.size * b.size);
     pm_gauss_newton *matrix = NULL;
-    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&matrix, b.objective, true, NULL), PM_OK);
     pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
     pm_gauss_newton_evaluate(matrix, COUNT, b.index, gradient, H);
     for (double damping = 1e-4; damping < 20; damping *= 100) {
@@ -393,7 +393,7 @@ static void threads_do_not_change_a_bit(void **state) {
     double *gradient = vector(b.size), *H = vector(b.size * b.size),
            *again = vector(b.size * b.size);
     pm_gauss_newton *normal = NULL;
-    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true), PM_OK);
+    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true, NULL), PM_OK);
     const double loss = pm_objective_evaluate(b.objective, COUNT, b.index, b.gradient);
     pm_gauss_newton_evaluate(normal, COUNT, b.index, gradient, H);
     for (int i = 0; i < 10; ++i) {

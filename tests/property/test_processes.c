@@ -1,6 +1,6 @@
 // Learned irreversible processes are separated (fit/dissipative_modes.h): the rotation makes
-// factors simple, rates stay the same, and the initial weights that a search chooses have separate
-// processes.
+// factors simple, and rates stay the same; the strengths of processes are fitted when the initial
+// weights have been chosen.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,6 +15,7 @@
 #include "fit/dissipative_modes.h"
 #include "fit/normalization.h"
 #include "fit/start.h"
+#include "graph/program.h"
 #include "loss/objective.h"
 #include "tests/support/training.h"
 
@@ -77,7 +78,7 @@ static void rotations_make_factors_simple(void **state) {
 
 // Opens a training of two bodies and a port between them, with constant factors. Each body has two
 // dissipative variables and an entropy.
-static pm_training *open_training(void) {
+static pm_training *open_training_with(const char *groups) {
     static const char scene_text[] =
         "scene: two\ntime: {dt: 0.1, steps: 19, integrator: rk4}\nsubsystems:\n"
         "  a: {weights: a.h5, state: {p: {unit: kg m/s, columns: [p1]}, e: {unit: m, columns: "
@@ -85,15 +86,22 @@ static pm_training *open_training(void) {
         "  b: {weights: b.h5, state: {p: {unit: kg m/s, columns: [p2]}, e: {unit: m, columns: "
         "[e2]}, s: {unit: J/K, columns: [s2]}}}\nports:\n"
         "  j: {law: bracket, between: [a, b], weights: j.h5, expose: {a: [p, s], b: [p, s]}}\n";
-    static const char training_text[] =
+    char training_text[1024];
+    snprintf(
+        training_text, sizeof training_text,
         "scene: scene.yaml\nmodels:\n  part:\n"
         "    energy: {features: [p, e, s], skip: quadratic}\n    entropy: {given: s}\n"
         "    irreversible: {learned: {acts_on: [p, e, s], rank: 2, strength: {features: [p, e, s], "
         "hidden: [3]}}}\n"
         "  port:\n    law: bracket\n"
-        "    irreversible: {learned: {acts_on: [a.p, a.s, b.p, b.s], rank: 3}}\n"
-        "subsystems: {a: part, b: part}\nports: {j: port}\nstart: {tries: 2, iterations: 3}\n";
+        "    irreversible: {learned: {%s}}\n"
+        "subsystems: {a: part, b: part}\nports: {j: port}\nstart: {tries: 2, iterations: 3}\n",
+        groups);
     return load_training(scene_text, training_text);
+}
+
+static pm_training *open_training(void) {
+    return open_training_with("acts_on: [a.p, a.s, b.p, b.s], rank: 3");
 }
 
 // Makes samples of smooth curves that solve no system's equations.
@@ -166,12 +174,12 @@ static void rates_stay_the_same(void **state) {
     pm_training_free(t);
 }
 
-static void initial_weights_have_separate_processes(void **state) {
+static void strengths_follow_the_choice_of_initial_weights(void **state) {
     (void)state;
     static const volatile sig_atomic_t stop = 0;
     pm_training *t = open_training();
     pm_samples samples;
-    double declared[200], theta[200], chosen[20], separate[20];
+    double declared[200], theta[200];
     double *next = declared;
     for (int i = 0; i < 3; ++i) {
         pm_params_gather(pm_system_params(t->system, i), next);
@@ -183,10 +191,10 @@ static void initial_weights_have_separate_processes(void **state) {
     pm_samples_free(&samples);
     make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
     assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &stop), PM_OK);
-    copy_factors(t, chosen);
-    assert_int_equal(pm_dissipative_modes_separate(t->system), PM_OK);
-    copy_factors(t, separate);
-    assert_true(largest_difference(chosen, separate, 20) < 1e-9);
+    // The strengths, which wait for the choice, have been fitted.
+    const pm_param_entry *strength =
+        pm_params_find(pm_system_params(t->system, 0), "irreversible.strength.output.weight");
+    assert_true(fabs(strength->value[0]) > 0);
     // The weights that the search returns are those of the system.
     double now[200];
     next = now;
@@ -200,11 +208,58 @@ static void initial_weights_have_separate_processes(void **state) {
     pm_training_free(t);
 }
 
+// What leaves a.p enters b.p, energy stays the same, and entropy grows, for random weights.
+static void what_one_group_loses_another_gains(void **state) {
+    (void)state;
+    pm_training *t =
+        open_training_with("acts_on: [a.p, a.s, b.s], against: [b.p], rank: 2, "
+                           "strength: {features: [\"ln|a.dE.p-b.dE.p|\"], hidden: [3]}");
+    pm_port_model *port = t->system->port[0];
+    pm_rng rng;
+    pm_rng_init(&rng, 1, 0);
+    for (int k = 0; k < 20; ++k) {
+        pm_graph *g = NULL;
+        pm_params_randomise(&port->params, &rng);
+        assert_int_equal(pm_graph_open(&g), PM_OK);
+        pm_port_nodes end[2];
+        pm_node output[2], degeneracy = PM_NO_NODE;
+        double value[6][2]; // of each end: p and s, dE, dS
+        for (int i = 0; i < 6; ++i) {
+            value[i][0] = i % 3 == 2 ? 0 : pm_rng_normal(&rng);
+            value[i][1] = i % 3 == 0 ? 0.1 : i % 3 == 1 ? 300 + 20 * pm_rng_normal(&rng) : 1;
+        }
+        for (int i = 0; i < 2; ++i) {
+            end[i] = (pm_port_nodes){pm_param(g, value[3 * i], 1, 2),
+                                     pm_param(g, value[3 * i + 1], 1, 2),
+                                     pm_param(g, value[3 * i + 2], 1, 2), PM_NO_NODE};
+        }
+        for (int i = 0; i < 2; ++i) {
+            output[i] = port->law->rate(g, port, (pm_end)i, end, &degeneracy);
+        }
+        pm_program *program = NULL;
+        assert_int_equal(pm_program_open(&program, g, 2, output, 1), PM_OK);
+        pm_program_run(program, 1);
+        const double *a = pm_program_value(program, output[0]);
+        const double *b = pm_program_value(program, output[1]);
+        const double power[] = {value[1][0] * a[0], value[1][1] * a[1], value[4][0] * b[0],
+                                value[4][1] * b[1]};
+        assert_true(fabs(a[0]) > 0);
+        assert_true(fabs(a[0] + b[0]) <= 1e-12 * fabs(a[0]));
+        assert_true(fabs(power[0] + power[1] + power[2] + power[3]) <=
+                    1e-9 * (fabs(power[1]) + fabs(power[3])));
+        assert_true(a[1] + b[1] > 0);
+        pm_program_close(program);
+        pm_graph_close(g);
+    }
+    pm_training_free(t);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rotations_make_factors_simple),
         cmocka_unit_test(rates_stay_the_same),
-        cmocka_unit_test(initial_weights_have_separate_processes),
+        cmocka_unit_test(what_one_group_loses_another_gains),
+        cmocka_unit_test(strengths_follow_the_choice_of_initial_weights),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -259,9 +259,12 @@ static void polynomials_come_first(void **state) {
         assert_int_equal(pm_graph_open(&g), PM_OK);
         pm_symbols_add(&symbols, g, &layout, "", pm_input(g, true, 1, 5));
         assert_int_equal(pm_network_declare(&spec, &symbols, 1, NULL, &params, "n"), PM_OK);
-        assert_true(pm_params_find(&params, "n.layer0.weight")->late == (i == 0));
-        assert_true(pm_params_find(&params, "n.layer0.bias")->late == (i == 0));
-        assert_true(pm_params_find(&params, "n.output.weight")->late == (i == 0));
+        assert_int_equal(pm_params_find(&params, "n.layer0.weight")->late,
+                         i == 0 ? PM_LATE_LAYERS : PM_AT_ONCE);
+        assert_int_equal(pm_params_find(&params, "n.layer0.bias")->late,
+                         i == 0 ? PM_LATE_LAYERS : PM_AT_ONCE);
+        assert_int_equal(pm_params_find(&params, "n.output.weight")->late,
+                         i == 0 ? PM_LATE_LAYERS : PM_AT_ONCE);
         assert_false(pm_params_find(&params, "n.linear")->late);
         assert_false(pm_params_find(&params, "n.quadratic")->late);
         pm_params_free(&params);

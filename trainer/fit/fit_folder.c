@@ -16,6 +16,25 @@ double pm_fit_processor_time(const pm_fit *f) {
     return (double)clock() / CLOCKS_PER_SEC - f->processor;
 }
 
+// Copies the constants of all models, which are fixed and not trained, to `values`, or back.
+// Returns how many there are; with NULL it only counts them.
+static size_t copy_constants(const pm_fit *f, double *values, bool out) {
+    size_t count = 0;
+    for (int i = 0; i < pm_system_components(f->training->system); ++i) {
+        const pm_params *params = pm_system_params(f->training->system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *e = &params->entry[k];
+            const size_t size = e->trained || e->borrowed ? 0 : (size_t)e->rows * (size_t)e->cols;
+            if (values != NULL && size > 0) {
+                memcpy(out ? values + count : e->value, out ? e->value : values + count,
+                       size * sizeof *values);
+            }
+            count += size;
+        }
+    }
+    return count;
+}
+
 pm_status pm_fit_search_start(pm_fit *f) {
     pm_samples samples;
     if (f->training->tries <= 1) {
@@ -137,14 +156,15 @@ static pm_status save_weights(pm_fit *f, bool loud) {
 
 // --- checkpoints ---
 
-#define OWN_FIELDS 4
+#define OWN_FIELDS 5
 #define MOST_FIELDS (OWN_FIELDS + PM_FIT_MOST_EXTRA)
 // Numbers of the position, before the digest of each stage (fit/training.h).
 #define POSITION 11
 #define NUMBERS (POSITION + PM_MAX_TRAINING_STAGES)
 
 // Writes the position as numbers, lists what a checkpoint holds, and returns the number of fields.
-static int fields_of(pm_fit *f, double number[NUMBERS], pm_checkpoint_field field[MOST_FIELDS]) {
+static int fields_of(pm_fit *f, double number[NUMBERS], double *constants,
+                     pm_checkpoint_field field[MOST_FIELDS]) {
     const pm_fit_position *p = &f->position;
     const double own[POSITION] = {p->stage,     p->done,    p->seconds, p->robust,
                                   p->batches,   p->loss,    p->best,    p->best_stage,
@@ -157,6 +177,7 @@ static int fields_of(pm_fit *f, double number[NUMBERS], pm_checkpoint_field fiel
     field[1] = (pm_checkpoint_field){"theta", f->size, f->theta};
     field[2] = (pm_checkpoint_field){"moment", 2 * f->size, f->moment};
     field[3] = (pm_checkpoint_field){"best", f->size, f->best};
+    field[4] = (pm_checkpoint_field){"constants", (int)copy_constants(f, NULL, true), constants};
     memcpy(field + OWN_FIELDS, f->extra, (size_t)f->nextra * sizeof *field);
     return OWN_FIELDS + f->nextra;
 }
@@ -170,8 +191,15 @@ pm_status pm_fit_save(pm_fit *f, bool loud) {
     if (!pm_team_leads(f->arguments->team)) {
         return PM_OK;
     }
-    const int count = fields_of(f, number, field);
-    PM_TRY(pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field));
+    double *constants = malloc((copy_constants(f, NULL, true) + 1) * sizeof *constants);
+    if (constants == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a checkpoint");
+    }
+    (void)copy_constants(f, constants, true);
+    const int count = fields_of(f, number, constants, field);
+    const pm_status status = pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field);
+    free(constants);
+    PM_TRY(status);
     return save_weights(f, loud);
 }
 
@@ -179,8 +207,12 @@ pm_status pm_fit_load(pm_fit *f) {
     double number[NUMBERS];
     pm_checkpoint_field field[MOST_FIELDS];
     const pm_training *t = f->training;
-    const int count = fields_of(f, number, field);
+    double *constants =
+        pm_arena_array(&f->arena, copy_constants(f, NULL, true) + 1, sizeof *constants);
+    PM_TRY(pm_arena_status(&f->arena, "a checkpoint"));
+    const int count = fields_of(f, number, constants, field);
     PM_TRY(pm_checkpoint_load(f->checkpoint, "fit", f->digest, count, field));
+    (void)copy_constants(f, constants, false);
     f->position = (pm_fit_position){.stage = (int)number[0],
                                     .done = (int)number[1],
                                     .seconds = number[2],

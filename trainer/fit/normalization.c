@@ -40,7 +40,8 @@ typedef struct collection {
     pm_params *params; // of the component being visited
     int part, port;    // which it is, or -1
     const pm_magnitudes *magnitudes;
-    bool plain; // scales follow the size of states alone
+    bool plain;     // scales follow the size of states alone
+    bool strengths; // only features of strengths that contain co-energies
     int count;
     set set[MAX_SETS];
 } collection;
@@ -91,8 +92,23 @@ static void find_efforts(const collection *c, const pm_normaliser *n, set *s) {
     }
 }
 
+// Returns true if the features are those of a strength and contain co-energies.
+static bool is_driven_strength(const pm_normaliser *n) {
+    static const char suffix[] = ".strength";
+    const size_t length = strlen(n->prefix);
+    bool driven = false;
+    for (int i = 0; i < n->count; ++i) {
+        driven = driven || strstr(n->expression[i], "dE.") != NULL;
+    }
+    return driven && n->kind == PM_NORMALISE_FEATURES && length >= sizeof suffix &&
+           strcmp(n->prefix + length + 1 - sizeof suffix, suffix) == 0;
+}
+
 static pm_status collect(void *context, const pm_normaliser *n) {
     collection *c = context;
+    if (c->strengths && !is_driven_strength(n)) {
+        return PM_OK;
+    }
     if (c->count == MAX_SETS) {
         return pm_fail(PM_ECONFIG, "more than %d networks and operators", MAX_SETS);
     }
@@ -328,7 +344,7 @@ static pm_status run_and_fix(collection *c, pm_node window, const pm_samples *sa
 }
 
 static pm_status one_pass(pm_system *system, const pm_samples *samples,
-                          const pm_magnitudes *magnitudes, bool plain) {
+                          const pm_magnitudes *magnitudes, bool plain, bool strengths) {
     const int count = system->scene->physics.nsubsystem;
     pm_graph *g = NULL;
     pm_arena arena = {0};
@@ -340,6 +356,7 @@ static pm_status one_pass(pm_system *system, const pm_samples *samples,
     c->g = g;
     c->magnitudes = magnitudes;
     c->plain = plain;
+    c->strengths = strengths;
     const pm_node window = pm_input(g, true, 1, pm_samples_width(samples));
     for (int i = 0; i < count; ++i) {
         const pm_scene_subsystem *s = &system->scene->physics.subsystem[i];
@@ -396,10 +413,15 @@ pm_status pm_normalization_of_system(pm_system *system, const pm_samples *sample
     PM_TRY(plain ? PM_OK : pm_magnitudes_find(&magnitudes, system, samples));
     // The first pass fixes the constants of energies and entropies, the second those of features
     // that contain co-energies.
-    pm_status status = one_pass(system, samples, &magnitudes, plain);
+    pm_status status = one_pass(system, samples, &magnitudes, plain, false);
     if (status == PM_OK) {
-        status = one_pass(system, samples, &magnitudes, plain);
+        status = one_pass(system, samples, &magnitudes, plain, false);
     }
     pm_magnitudes_free(&magnitudes);
     return status;
+}
+
+pm_status pm_normalization_of_strengths(pm_system *system, const pm_samples *samples) {
+    const pm_magnitudes magnitudes = {.scene = system->scene};
+    return one_pass(system, samples, &magnitudes, true, true);
 }

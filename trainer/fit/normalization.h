@@ -14,4 +14,10 @@
 // PM_ECONFIG (too many networks), PM_ENOMEM.
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain);
 
+// Computes the constants of those features of strengths anew that contain co-energies, which the
+// present weights give. The model stays the same only while the outputs of these networks are zero,
+// as they are until the initial weights have been chosen. `samples` as above, or those of the
+// derivative residual.
+pm_status pm_normalization_of_strengths(pm_system *system, const pm_samples *samples);
+
 #endif

@@ -9,6 +9,7 @@
 #include "base/rng.h"
 #include "data/trained.h"
 #include "fit/dissipative_modes.h"
+#include "fit/normalization.h"
 #include "loss/objective.h"
 #include "optimise/optimiser.h"
 #include "optimise/successive_halving.h"
@@ -18,6 +19,9 @@
 #define SMALLEST_BATCH 512
 // The number of samples on which candidates are compared.
 #define COMPARED 2048
+// The most iterations with which the strengths of dissipative processes are fitted, over those of
+// the first round of draws.
+#define STRENGTH_ITERATIONS 6
 // The difference between the seeds of two candidates.
 #define SEED_STRIDE 1000003
 
@@ -25,6 +29,7 @@ typedef struct search {
     pm_training *training;
     pm_objective *objective;
     int size, left; // weights; draws in the race
+    pm_lateness early;
     uint64_t seed;
     double *theta, *moment; // [tries][size], [tries][2][size]
     int *done;              // [tries] iterations so far
@@ -68,7 +73,7 @@ static pm_status advance(void *context, int id, int left, int iterations, double
                          .schedule = {.iterations = s->done[id] + iterations,
                                       .batch = wanted > SMALLEST_BATCH ? wanted : SMALLEST_BATCH,
                                       .guarded = true,
-                                      .early = true},
+                                      .early = s->early},
                          .seed = s->seed,
                          .theta = theta,
                          .moment = s->moment + (ptrdiff_t)id * 2 * s->size,
@@ -124,22 +129,34 @@ static pm_status run_search(search *s, const double *declared, double *theta, pm
     return PM_OK;
 }
 
+// Returns whether the system has weights that wait for the choice of the initial ones.
+static bool is_late(const pm_system *system) {
+    bool late = false;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int k = 0; k < params->count; ++k) {
+            late = late || (params->entry[k].trained && params->entry[k].late == PM_LATE);
+        }
+    }
+    return late;
+}
+
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
                           const double *declared, double *theta,
                           const volatile sig_atomic_t *stop) {
-    search s = {.training = training, .seed = seed, .stop = stop};
+    search s = {.training = training, .seed = seed, .early = PM_LATE, .stop = stop};
     const pm_loss *first = &training->stage[0].loss;
-    const pm_loss loss = {.residual = PM_RESIDUAL_DERIVATIVE,
-                          .integrator = first->integrator,
-                          .substeps = 1,
-                          .degeneracy = first->degeneracy,
-                          .balance = first->balance,
-                          .team = first->team};
+    const pm_loss loss_of_rates = {.residual = PM_RESIDUAL_DERIVATIVE,
+                                   .integrator = first->integrator,
+                                   .substeps = 1,
+                                   .degeneracy = first->degeneracy,
+                                   .balance = first->balance,
+                                   .team = first->team};
     if (training->tries <= 1) {
         return PM_OK;
     }
     pm_arena arena = {0};
-    PM_TRY(pm_objective_open(&s.objective, training->system, samples, &loss));
+    PM_TRY(pm_objective_open(&s.objective, training->system, samples, &loss_of_rates));
     s.size = pm_objective_size(s.objective);
     pm_status status = run_search(&s, declared, theta, &arena);
     pm_objective_set_weights(s.objective, theta);
@@ -148,6 +165,29 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
         pm_objective_weights(s.objective, theta);
     }
     pm_objective_close(s.objective);
+    s.objective = NULL;
+    // How large co-energies are is known from now on. The draws of another seed keep these
+    // constants, since the best weights of the seed before rest on them.
+    if (status == PM_OK && seed == training->seed) {
+        status = pm_normalization_of_strengths(training->system, samples);
+    }
+    if (status == PM_OK && is_late(training->system)) {
+        // What strengths explain is left to them: layers of energies would bend where a strength
+        // varies, and never straighten again.
+        s.early = PM_LATE_LAYERS;
+        s.theta = theta;
+        memset(s.moment, 0, 2 * (size_t)s.size * sizeof *s.moment);
+        s.done[0] = 0;
+        double loss = INFINITY;
+        const int iterations = STRENGTH_ITERATIONS * training->try_iterations;
+        status = pm_objective_open(&s.objective, training->system, samples, &loss_of_rates);
+        pm_progress_init(&s.progress, "strengths", iterations);
+        s.iterations = 0;
+        status = status == PM_OK ? advance(&s, 0, 1, iterations, &loss) : status;
+        pm_progress_finish(&s.progress);
+        pm_objective_close(s.objective);
+        printf("strengths        %8d iterations   loss %.3e\n", s.done[0], loss);
+    }
     pm_arena_free(&arena);
     return status;
 }

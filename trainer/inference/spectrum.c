@@ -261,7 +261,7 @@ pm_status pm_spectrum_report(pm_objective *objective, FILE *out) {
     if (n == 0 || n > MOST_WEIGHTS || pm_objective_residual_count(objective) > MOST_RESIDUALS) {
         return PM_OK;
     }
-    PM_TRY(pm_gauss_newton_open(&normal, objective, true));
+    PM_TRY(pm_gauss_newton_open(&normal, objective, true, NULL));
     const pm_status status = report(objective, normal, &arena, out);
     pm_gauss_newton_close(normal);
     pm_arena_free(&arena);

@@ -52,7 +52,8 @@ struct pm_gauss_newton {
     pm_objective *objective;
     pm_loss_context context;
     int size, nresidual, nentry, chunk;
-    pm_trained *trained;     // [nentry]
+    int active, *column; // of the matrix: its columns, and [size] the column of each weight, or -1
+    pm_trained *trained; // [nentry]
     pm_node input, residual; // residual [1][nresidual]
     // Nodes are PM_NO_NODE where there is no dependence.
     pm_node *derivative;                   // [nresidual][nentry], of a matrix
@@ -78,7 +79,7 @@ static int list_outputs(int count, const pm_node *node, pm_node *output, int nou
 
 static pm_status build_matrix(pm_gauss_newton *n, pm_graph *g, const pm_node *leaf,
                               pm_arena *scratch) {
-    const size_t size = (size_t)n->size;
+    const size_t size = (size_t)n->active;
     const size_t cells = (size_t)n->nresidual * (size_t)n->nentry + 1;
     n->derivative = pm_arena_array(&n->arena, cells, sizeof *n->derivative);
     pm_node *output = pm_arena_array(scratch, cells, sizeof *output);
@@ -109,7 +110,7 @@ static void *work_on_matrix(void *context) {
     lane *l = context;
     const pm_gauss_newton *n = l->form;
     const pm_samples *samples = n->context.samples;
-    const size_t width = (size_t)pm_samples_width(samples), size = (size_t)n->size;
+    const size_t width = (size_t)pm_samples_width(samples), size = (size_t)n->active;
     memset(l->second, 0, size * size * sizeof *l->second);
     memset(l->gradient, 0, size * sizeof *l->gradient);
     for (int first = l->id * MATRIX_CHUNK; first < l->count;
@@ -138,7 +139,7 @@ static void *work_on_matrix(void *context) {
                 }
             }
         }
-        pm_gram_add(batch * n->nresidual, n->size, l->jacobian, l->second);
+        pm_gram_add(batch * n->nresidual, n->active, l->jacobian, l->second);
         const double *value = pm_program_value(l->program, n->residual);
         for (int r = 0; r < n->nresidual; ++r) {
             for (int s = 0; s < batch; ++s) {
@@ -167,14 +168,24 @@ static void take_mean(pm_gauss_newton *p, bool second, size_t n, int count, doub
 
 void pm_gauss_newton_evaluate(pm_gauss_newton *form, int count, const int *index, double *gradient,
                               double *hessian) {
-    const size_t size = (size_t)form->size;
+    const size_t size = (size_t)form->size, active = (size_t)form->active;
     for (int i = 0; i < form->lanes.own; ++i) {
         form->lane[i].count = count;
         form->lane[i].index = index;
     }
     pm_team_run(form->context.loss->team, work_on_matrix, form->lane, sizeof *form->lane);
-    take_mean(form, false, size, count, gradient);
-    take_mean(form, true, size * size, count, hessian);
+    take_mean(form, false, active, count, gradient);
+    take_mean(form, true, active * active, count, hessian);
+    // Moves rows and columns to the places of their weights, which are no earlier ones.
+    for (size_t i = size; i-- > 0 && active < size;) {
+        const int row = form->column[i];
+        gradient[i] = row < 0 ? 0 : gradient[row];
+        for (size_t k = size; k-- > 0;) {
+            const int column = form->column[k];
+            hessian[i * size + k] =
+                row < 0 || column < 0 ? 0 : hessian[(size_t)row * active + (size_t)column];
+        }
+    }
 }
 
 // --- products: one program for the gradient and for the squares that estimate the diagonal, and
@@ -335,12 +346,13 @@ void pm_gauss_newton_apply(pm_gauss_newton *form, int count, const int *index, c
 
 // --- both ---
 
-static pm_status build(pm_gauss_newton *n, pm_graph *g, pm_arena *scratch) {
+static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_arena *scratch) {
     if (n->matrix) {
         pm_graph_weights_per_item(g);
     }
     n->nentry = pm_trained_list(n->context.system, NULL);
     n->trained = pm_arena_array(&n->arena, (size_t)n->nentry, sizeof *n->trained);
+    n->column = pm_arena_array(&n->arena, (size_t)n->size + 1, sizeof *n->column);
     pm_node *leaf = pm_arena_array(scratch, (size_t)n->nentry + 1, sizeof *leaf);
     for (int i = 0; i < n->lanes.own; ++i) {
         n->lane[i].form = n;
@@ -350,6 +362,20 @@ static pm_status build(pm_gauss_newton *n, pm_graph *g, pm_arena *scratch) {
     PM_TRY(pm_arena_status(&n->arena, "the normal equations"));
     PM_TRY(pm_arena_status(scratch, "the normal equations"));
     pm_trained_list(n->context.system, n->trained);
+    const int all = n->nentry;
+    n->nentry = 0;
+    for (int i = 0; i < all; ++i) {
+        pm_trained entry = n->trained[i];
+        const bool kept = !n->matrix || frozen == NULL || entry.size == 0 || !frozen[entry.first];
+        for (int k = 0; k < entry.size; ++k) {
+            n->column[entry.first + k] = kept ? n->active + k : -1;
+        }
+        if (kept) {
+            entry.first = n->active;
+            n->active += entry.size;
+            n->trained[n->nentry++] = entry;
+        }
+    }
     // The residuals of one window of samples: the scaled differences to the data and, in the soft
     // form, every component of L dS and M dE, times the root of the weight of the penalty. Their
     // squares sum to the loss of the sample without its robust function.
@@ -370,7 +396,8 @@ static pm_status build(pm_gauss_newton *n, pm_graph *g, pm_arena *scratch) {
     return n->matrix ? build_matrix(n, g, leaf, scratch) : build_product(n, g, leaf, scratch);
 }
 
-pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix) {
+pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix,
+                               const bool *frozen) {
     pm_gauss_newton *n = calloc(1, sizeof *n);
     if (n == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
@@ -384,7 +411,7 @@ pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, 
     pm_arena scratch = {0};
     pm_status status;
     PM_TRY_DONE(pm_graph_open(&g));
-    PM_TRY_DONE(build(n, g, &scratch));
+    PM_TRY_DONE(build(n, frozen, g, &scratch));
     *form = n;
     n = NULL;
 done:
@@ -407,8 +434,10 @@ void pm_gauss_newton_close(pm_gauss_newton *form) {
 
 // --- damped equations ---
 
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix) {
-    *e = (pm_damped_equations){.size = pm_objective_size(objective), .objective = objective};
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix,
+                                   const bool *frozen) {
+    *e = (pm_damped_equations){
+        .size = pm_objective_size(objective), .objective = objective, .frozen = frozen};
     const size_t n = (size_t)e->size;
     const pm_system *system = pm_objective_context(objective).system;
     const int count = pm_trained_list(system, NULL);
@@ -418,6 +447,8 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
     e->shrinks = pm_arena_array(&e->arena, n, sizeof *e->shrinks);
     e->bend = pm_arena_array(&e->arena, n, sizeof *e->bend);
     pm_trained *trained = pm_arena_array(&e->arena, (size_t)count, sizeof *trained);
+    e->active = pm_arena_array(&e->arena, n, sizeof *e->active);
+    e->image = pm_arena_array(&e->arena, n, sizeof *e->image);
     if (matrix) {
         e->hessian = pm_arena_array(&e->arena, n * n, sizeof *e->hessian);
         e->damped = pm_arena_array(&e->arena, n * n, sizeof *e->damped);
@@ -425,7 +456,6 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
         e->residual = pm_arena_array(&e->arena, n, sizeof *e->residual);
         e->conditioned = pm_arena_array(&e->arena, n, sizeof *e->conditioned);
         e->direction = pm_arena_array(&e->arena, n, sizeof *e->direction);
-        e->image = pm_arena_array(&e->arena, n, sizeof *e->image);
     }
     PM_TRY(pm_arena_status(&e->arena, "the normal equations of %zu weights", n));
     pm_trained_list(system, trained);
@@ -435,7 +465,11 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
             e->held[k] = trained[i].entry->held;
         }
     }
-    return pm_gauss_newton_open(&e->form, objective, matrix);
+    for (int i = 0; i < e->size; ++i) {
+        e->active[e->nactive] = i;
+        e->nactive += frozen == NULL || !frozen[i];
+    }
+    return pm_gauss_newton_open(&e->form, objective, matrix, frozen);
 }
 
 void pm_damped_equations_close(pm_damped_equations *e) {
@@ -561,19 +595,21 @@ static bool solve_by_products(pm_damped_equations *e, double damping, int most, 
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                int most, double *step) {
     if (e->hessian != NULL) {
-        const size_t n = (size_t)e->size;
-        memcpy(e->damped, e->hessian, n * n * sizeof *e->damped);
+        const size_t size = (size_t)e->size, n = (size_t)e->nactive;
         for (size_t i = 0; i < n; ++i) {
-            e->damped[i * n + i] += damping * e->diagonal[i] + ridge(e, i);
-            step[i] = -e->gradient[i];
-        }
-        for (size_t i = 0; i < n && e->frozen != NULL; ++i) {
-            for (size_t j = 0; j < n && e->frozen[i]; ++j) {
-                e->damped[i * n + j] = e->damped[j * n + i] = i == j ? 1 : 0;
+            const size_t own = (size_t)e->active[i];
+            for (size_t k = 0; k < n; ++k) {
+                e->damped[i * n + k] = e->hessian[own * size + (size_t)e->active[k]];
             }
-            step[i] = e->frozen[i] ? 0 : step[i];
+            e->damped[i * n + i] += damping * e->diagonal[own] + ridge(e, own);
+            e->image[i] = -e->gradient[own];
         }
-        return pm_cholesky_solve(e->size, e->damped, step);
+        const bool solved = n == 0 || pm_cholesky_solve((int)n, e->damped, e->image);
+        memset(step, 0, size * sizeof *step);
+        for (size_t i = 0; i < n; ++i) {
+            step[e->active[i]] = e->image[i];
+        }
+        return solved;
     }
     pm_objective_set_weights(e->objective, theta);
     assert(most <= PM_MOST_CONJUGATE_GRADIENTS);

@@ -36,12 +36,15 @@
 typedef struct pm_gauss_newton pm_gauss_newton;
 
 // Prepares the Jacobian for the loss of `objective`, which must outlive the result; without
-// `matrix` it prepares products instead. The caller closes it. PM_ENOMEM.
+// `matrix` it prepares products instead. The matrix leaves out the derivatives with respect to
+// weights that are frozen [n], which count as zero; the weights of one array of a model are frozen
+// together. NULL: none is. The caller closes it. PM_ENOMEM.
 //
 // The functions below take samples index [count]; n is pm_objective_size. The last call of
 // pm_objective_evaluate must have covered these samples at the present weights, since its robust
 // weights are used.
-pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix);
+pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix,
+                               const bool *frozen);
 void pm_gauss_newton_close(pm_gauss_newton *form); // NULL is allowed
 
 // Computes the gradient [n] and the upper triangle of the matrix hessian [n][n] of half the mean
@@ -75,16 +78,19 @@ typedef struct pm_damped_equations {
     double shrinkage;            // the factor of the penalty; 0 at first, the caller may change it
     double *hessian, *damped;    // [size][size] H and the damped matrix; NULL: conjugate gradients
     double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
-    double near;        // `near` in the equation; 0 at first, the caller may change it
-    const bool *frozen; // [size] weights whose step is zero, borrowed; NULL: none
-    int count;          // the batch of the last linearisation
-    const int *index;   // [count], borrowed
+    double near;          // `near` in the equation; 0 at first, the caller may change it
+    const bool *frozen;   // [size] weights whose step is zero, borrowed; NULL: none
+    int *active, nactive; // [nactive] the other weights
+    int count;            // the batch of the last linearisation
+    const int *index;     // [count], borrowed
 } pm_damped_equations;
 
 // Prepares the equations for the loss of `objective`, which must outlive them. With `matrix` they
-// are solved by a Cholesky factorisation, otherwise by conjugate gradients. The caller closes them,
-// after a failure too. PM_ENOMEM.
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix);
+// are solved by a Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are
+// weights whose step is zero, borrowed; NULL: none. The caller closes them, after a failure too.
+// PM_ENOMEM.
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix,
+                                   const bool *frozen);
 void pm_damped_equations_close(pm_damped_equations *e);
 
 // Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the

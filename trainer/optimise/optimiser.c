@@ -389,11 +389,11 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     pm_trained_list(system, entry);
     for (int i = 0; i < nentry; ++i) {
         for (int k = entry[i].first; k < entry[i].first + entry[i].size; ++k) {
-            s->frozen[k] = entry[i].entry->late && o->schedule.early;
+            s->frozen[k] =
+                o->schedule.early != PM_AT_ONCE && entry[i].entry->late >= o->schedule.early;
         }
     }
-    PM_TRY(pm_damped_equations_open(&s->equations, o->objective, matrix));
-    s->equations.frozen = s->frozen;
+    PM_TRY(pm_damped_equations_open(&s->equations, o->objective, matrix, s->frozen));
     return PM_OK;
 }
 

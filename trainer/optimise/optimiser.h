@@ -17,7 +17,8 @@ typedef struct pm_schedule {
     // gauss_newton: a step must lower the loss of further samples, too, and the run ends before its
     // last iteration if the loss does not fall any more
     bool guarded;
-    bool early; // gauss_newton: weights that are marked late (model/params.h) stay as they are
+    // gauss_newton: weights as late as this or later stay as they are; PM_AT_ONCE: none
+    pm_lateness early;
 } pm_schedule;
 
 // A training stage in progress. A stage can be interrupted whenever it reports, and can be resumed

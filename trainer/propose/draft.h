@@ -15,7 +15,7 @@
 // the first answer; PM_AS_FOUND is that answer.
 typedef enum pm_question {
     PM_ASK_REVERSIBLE,  // what L couples, and what its entries depend on
-    PM_ASK_FRICTION,    // of a subsystem: what it acts on
+    PM_ASK_FRICTION,    // what it acts on
     PM_ASK_DIRECTIONS,  // what the directions of friction depend on
     PM_ASK_STRENGTH,    // what the strengths of dissipative processes depend on
     PM_ASK_HEAT,        // what the thermal energy depends on
@@ -38,10 +38,12 @@ typedef enum pm_answer {
     PM_BY_COMPONENTS,
     PM_BY_BOTH, // lengths and components
     PM_BY_SINES,
-    PM_JOINT,     // one function with the rest
-    PM_OF_MOTION, // on what changes its sign when time runs backwards
-    PM_ROOM,      // 300 K
-    PM_LARGE      // twice as wide
+    PM_JOINT,         // one function with the rest
+    PM_OF_MOTION,     // on what changes its sign when time runs backwards
+    PM_ROOM,          // 300 K
+    PM_LARGE,         // twice as wide
+    PM_EXCHANGE,      // what leaves one end of a port enters the other
+    PM_BY_DIFFERENCES // functions of the differences of co-energies at both ends, and of entropies
 } pm_answer;
 
 typedef struct pm_draft {
@@ -55,12 +57,18 @@ typedef struct pm_draft {
     int (
         *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0
     pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
+    bool sketch;       // small networks, for short fits that compare hypotheses
     const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;
 
 // These functions write the model of a subsystem and of a port.
 void pm_draft_part(const pm_draft *draft, const pm_part_view *part);
 void pm_draft_port(const pm_draft *draft, int port);
+
+// Finds the groups of end b of a port that may gain what those of end a lose: friction may act on
+// both, and their units and sizes are the same. Writes partner [groups of a that the port shows],
+// the group of b, or -1. Returns how many there are.
+int pm_draft_exchange(const pm_draft *draft, int port, int partner[PM_MAX_GROUPS]);
 
 // Returns whether a column tells what the outside shows in a group of a boundary input: 0 its
 // value, 1 its dE, 2 its dS.

@@ -22,7 +22,10 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_JOINT] = "not apart",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_ROOM] = "300 K",
-                                    [PM_LARGE] = "larger networks"};
+                                    [PM_LARGE] = "larger networks",
+                                    [PM_EXCHANGE] = "by what one end loses and the other gains",
+                                    [PM_BY_DIFFERENCES] =
+                                        "a function of differences of co-energies"};
 
 // Adds a question with `count` answers.
 static void ask(pm_draft *d, pm_question question, int component, int count,
@@ -49,6 +52,11 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
         text[i] = words[answer[i]];
     }
     const int id = pm_hypotheses_add(&d->space, name, count, text);
+    for (int i = 0; id >= 0 && i < count; ++i) {
+        const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
+                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES;
+        d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
+    }
     if (id >= 0) {
         memcpy(d->answer[id], answer, (size_t)count * sizeof *answer);
         d->asked[component][question] = id;
@@ -91,10 +99,26 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
     }
 }
 
+// Returns whether the rates of all pairs of an exchange are opposite to each other in the data.
+static bool opposite(const pm_draft *d, const pm_scene_port *port, const int *partner) {
+    const pm_part_view *a = &d->part[port->subsystem[0]], *b = &d->part[port->subsystem[1]];
+    bool all = true;
+    for (int g = 0; g < port->layout[0].ngroup; ++g) {
+        if (partner[g] >= 0) {
+            const pm_look_group pair[2] = {
+                a->group[pm_part_view_find(a, port->layout[0].group[g].name)],
+                b->group[pm_part_view_find(b, port->layout[1].group[partner[g]].name)]};
+            all = all && pm_look_rank(&d->look, 2, pair) == pair[0].group->size;
+        }
+    }
+    return all;
+}
+
 void pm_draft_ask(pm_draft *d) {
     static const pm_answer reversible[] = {PM_AS_FOUND, PM_BY_STATES, PM_BY_POSITIONS, PM_CONSTANT,
                                            PM_NONE},
-                           strength[] = {PM_AS_FOUND, PM_BY_COENERGIES},
+                           strength[] = {PM_AS_FOUND, PM_BY_COENERGIES, PM_BY_DIFFERENCES},
+                           exchange[] = {PM_EXCHANGE, PM_AS_FOUND, PM_EXCHANGE},
                            directions[] = {PM_AS_FOUND, PM_BY_POSITIONS},
                            friction[] = {PM_AS_FOUND, PM_OF_MOTION},
                            heat[] = {PM_AS_FOUND, PM_ALONE},
@@ -151,7 +175,13 @@ void pm_draft_ask(pm_draft *d) {
             ask(d, PM_ASK_FRICTION, component, 2, friction);
         }
         if (n.heat > 0 && (port == NULL ? n.lossy > 0 : n.heat + n.lossy > 1)) {
-            ask(d, PM_ASK_STRENGTH, component, 2, strength);
+            int partner[PM_MAX_GROUPS];
+            const int pairs =
+                port == NULL ? 0 : pm_draft_exchange(d, component - physics->nsubsystem, partner);
+            if (pairs > 0) {
+                ask(d, PM_ASK_FRICTION, component, 2, exchange + !opposite(d, port, partner));
+            }
+            ask(d, PM_ASK_STRENGTH, component, pairs > 0 ? 3 : 2, strength);
         }
         if (n.heat > 0 && n.lossy > 1 && n.position) {
             ask(d, PM_ASK_DIRECTIONS, component, 2, directions);

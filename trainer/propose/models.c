@@ -11,6 +11,7 @@
 #define ENERGY_OF_ONE "[8, 8]" // the energy of one input, of two or three, and of more
 #define ENERGY_OF_FEW "[12, 12]"
 #define ENERGY_OF_MANY "[16, 16]"
+#define ENERGY_OF_SKETCH "[6]"
 #define ENERGY_OF_LARGE "[24, 24]" // any energy, where larger networks are tried
 #define STRENGTH_WIDTH 6           // of the strengths of dissipative processes
 #define HEAT_WIDTH 6               // of the dependence of heat on other variables
@@ -177,7 +178,8 @@ static list open_strength(const pm_draft *d) {
 static void close_strength(const pm_draft *d, pm_answer answer) {
     if (d->p->form == PM_SOFT) {
         fprintf(d->file, "], hidden: [%d], skip: linear", SOFT_WIDTH);
-    } else { // powers of co-energies are linear in their logarithms
+    } else { // powers of co-energies are linear in their logarithms; of a difference, which may be
+        // zero, they are so in a range alone
         fprintf(d->file, "], hidden: [%d]%s}", STRENGTH_WIDTH,
                 answer == PM_BY_COENERGIES ? ", skip: linear" : "");
     }
@@ -263,6 +265,7 @@ static double temperature_of(const pm_draft *d, const pm_part_view *v, int g) {
 static const char *hidden_of(const pm_draft *d, int inputs) {
     const bool large = pm_draft_answer(d, PM_ASK_SIZE, 0) == PM_LARGE;
     return large         ? ENERGY_OF_LARGE
+           : d->sketch   ? ENERGY_OF_SKETCH
            : inputs == 1 ? ENERGY_OF_ONE
            : inputs <= 3 ? ENERGY_OF_FEW
                          : ENERGY_OF_MANY;
@@ -772,7 +775,7 @@ static void write_port_reversible(const port_draft *p, int port) {
 }
 
 // Adds the groups of both ends that are marked.
-static void add_marked(const port_draft *p, list *l, const bool marked[2][PM_MAX_GROUPS]) {
+static void add_marked(const port_draft *p, list *l, bool marked[2][PM_MAX_GROUPS]) {
     for (int end = 0; end < 2; ++end) {
         for (int g = 0; g < p->shown[end]->ngroup; ++g) {
             if (marked[end][g]) {
@@ -782,14 +785,52 @@ static void add_marked(const port_draft *p, list *l, const bool marked[2][PM_MAX
     }
 }
 
-static void write_port_irreversible(const port_draft *p) {
+int pm_draft_exchange(const pm_draft *d, int port, int partner[PM_MAX_GROUPS]) {
+    const pm_scene_port *p = &d->p->scene->physics.port[port];
+    int count = 0;
+    bool taken[PM_MAX_GROUPS] = {false};
+    for (int g = 0; g < p->layout[0].ngroup; ++g) {
+        partner[g] = -1;
+        if (p->subsystem[0] < 0 || p->subsystem[1] < 0) {
+            continue;
+        }
+        const pm_part_view *a = &d->part[p->subsystem[0]], *b = &d->part[p->subsystem[1]];
+        const int own = pm_part_view_find(a, p->layout[0].group[g].name);
+        for (int h = 0; h < p->layout[1].ngroup && may_lose(a, own) && partner[g] < 0; ++h) {
+            const int other = pm_part_view_find(b, p->layout[1].group[h].name);
+            const double ratio = a->unit[own].factor / b->unit[other].factor;
+            if (!taken[h] && may_lose(b, other) && size_of(a, own) == size_of(b, other) &&
+                a->unit[own].known && pm_unit_equal(&a->unit[own], &b->unit[other]) &&
+                fabs(ratio - 1) < WHOLE) {
+                partner[g] = h;
+                taken[h] = true;
+                ++count;
+            }
+        }
+    }
+    return count;
+}
+
+static void write_port_irreversible(port_draft *p, int port) {
     const pm_draft *d = p->d;
-    int lossy = 0, heats = 0, odd = 0;
+    int lossy = 0, heats = 0, odd = 0, partner[PM_MAX_GROUPS];
+    const int npair = pm_draft_exchange(d, port, partner);
+    const bool exchange =
+        npair > 0 && d->p->form == PM_HARD && ask_port(p, PM_ASK_FRICTION) == PM_EXCHANGE;
+    // What is dissipated: first what both ends exchange, then the rest, then the entropies.
+    bool first[2][PM_MAX_GROUPS] = {{false}}, rest[2][PM_MAX_GROUPS];
+    memcpy(rest, p->losses, sizeof rest);
+    for (int g = 0; g < p->shown[0]->ngroup && exchange; ++g) {
+        if (partner[g] >= 0) {
+            first[0][g] = true;
+            rest[0][g] = rest[1][partner[g]] = false;
+        }
+    }
     for (int end = 0; end < 2; ++end) {
         for (int g = 0; g < p->shown[end]->ngroup; ++g) {
             const int size = p->shown[end]->group[g].size;
             heats += p->heats[end][g] ? size : 0;
-            lossy += p->losses[end][g] ? size : 0;
+            lossy += first[end][g] || rest[end][g] ? size : 0;
         }
         odd += p->part[end] == NULL ? 0 : count_odd(p->part[end], p->shown[end]);
     }
@@ -803,41 +844,47 @@ static void write_port_irreversible(const port_draft *p) {
         return;
     }
     list l = open_list(p->f, "    irreversible: {learned: {acts_on: ");
-    add_marked(p, &l, p->losses);
+    add_marked(p, &l, first);
+    add_marked(p, &l, rest);
     add_marked(p, &l, p->heats);
+    if (exchange) {
+        l = open_list(p->f, "], against: ");
+        for (int g = 0; g < p->shown[0]->ngroup; ++g) {
+            if (partner[g] >= 0) {
+                add_name(&l, ends[1], p->shown[1]->group[partner[g]].name);
+            }
+        }
+    }
     fprintf(p->f, "], rank: %d", rank);
     if (ask_port(p, PM_ASK_DIRECTIONS) == PM_BY_POSITIONS) {
         l = open_list(p->f, ", features: ");
         add_states_of_both(p, &l, PM_BY_POSITIONS);
         fprintf(p->f, "], skip: linear");
     }
-    if (lossy == 0 && d->p->form == PM_HARD && ask_port(p, PM_ASK_STRENGTH) == PM_AS_FOUND) {
+    const pm_answer strength = ask_port(p, PM_ASK_STRENGTH);
+    if (lossy == 0 && d->p->form == PM_HARD && strength == PM_AS_FOUND) {
         l = open_list(p->f, ", features: ");
         add_marked(p, &l, p->entropies);
         fprintf(p->f, "], hidden: [%d]", HEAT_PORT_WIDTH);
     } else { // functions of what both ends expose; a boundary input is no feature
         l = open_strength(d);
         // What drives an exchange is the difference of two co-energies.
-        const bool driven = ask_port(p, PM_ASK_STRENGTH) == PM_BY_COENERGIES;
-        for (int g = 0;
-             driven && p->part[0] != NULL && p->part[1] != NULL && g < p->shown[0]->ngroup; ++g) {
-            const pm_group *a = &p->shown[0]->group[g];
-            for (int h = 0; p->losses[0][g] && h < p->shown[1]->ngroup; ++h) {
-                const pm_group *b = &p->shown[1]->group[h];
-                const pm_unit of_a = pm_unit_parse(a->unit), of_b = pm_unit_parse(b->unit);
-                if (p->losses[1][h] && a->size == b->size && pm_unit_equal(&of_a, &of_b)) {
-                    fprintf(p->f, "%s\"ln|a.dE.%s-b.dE.%s|\"", l.count++ > 0 ? ", " : "", a->name,
-                            b->name);
-                }
+        for (int g = 0; strength != PM_AS_FOUND && npair > 0 && g < p->shown[0]->ngroup; ++g) {
+            if (partner[g] >= 0) {
+                fprintf(p->f, "%s\"ln|a.dE.%s-b.dE.%s|\"", l.count++ > 0 ? ", " : "",
+                        p->shown[0]->group[g].name, p->shown[1]->group[partner[g]].name);
             }
         }
-        for (int end = 0; end < 2; ++end) {
+        if (strength == PM_BY_DIFFERENCES) {
+            add_marked(p, &l, p->entropies);
+        }
+        for (int end = 0; end < 2 && strength != PM_BY_DIFFERENCES; ++end) {
             if (p->part[end] != NULL) {
                 add_strength(d, &l, p->part[end], ends[end], p->shown[end],
-                             d->p->form == PM_HARD && odd == 1, ask_port(p, PM_ASK_STRENGTH));
+                             d->p->form == PM_HARD && odd == 1, strength);
             }
         }
-        close_strength(d, ask_port(p, PM_ASK_STRENGTH));
+        close_strength(d, strength);
     }
     fprintf(p->f, "}}   # %s%s\n", lossy > 0 ? "friction between the ends" : "",
             heats < 2   ? ""
@@ -885,5 +932,5 @@ void pm_draft_port(const pm_draft *d, int port) {
     }
     fprintf(d->file, d->p->form == PM_SOFT ? "    form: soft\n" : "");
     write_port_reversible(&p, port);
-    write_port_irreversible(&p);
+    write_port_irreversible(&p, port);
 }

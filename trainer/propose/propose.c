@@ -178,6 +178,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         pm_draft_ask(&d);
         d.space.write = write_vector;
         d.space.context = &d;
+        d.space.sketch = &d.sketch;
         const pm_search_how how = {p->budget, p->loud, p->stop};
         status = pm_search_run(&d.space, &how, path);
     }

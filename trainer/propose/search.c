@@ -26,7 +26,7 @@
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
 #define CLOSE 0.95        // likewise between finalists: the one that is believed more wins a tie
-#define ENOUGH 1e-3       // error of one step below which nothing else is tried
+#define ENOUGH 1e-2       // error of one step below which nothing else is tried
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
 #define FOR_FINALISTS 0.3 // of the budget
@@ -42,7 +42,8 @@
 // Sizes of short fits.
 #define TRIES 4
 #define TRY_ITERATIONS 5
-#define START_ITERATIONS 34 // of four draws of 5 iterations, the better half 7 more
+#define START_ITERATIONS \
+    64 // of four draws of 5 iterations, the better half 7 more; of strengths 30
 #define RESIDUALS_PER_WEIGHT 3
 #define FEWEST_SAMPLES 256
 #define MOST_SAMPLES 4096
@@ -102,6 +103,9 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         static const volatile sig_atomic_t never = 0;
         const pm_fit_arguments a = {.config = config, .output = r->folder, .effort = effort};
         pm_fit f;
+        if (space->sketch != NULL) { // of this process alone
+            *space->sketch = effort->stages == 1;
+        }
         pm_status status = space->write(space->context, vector, "", config);
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;
@@ -334,7 +338,13 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     }
     close(file);
     pm_training *t = NULL;
+    if (space->sketch != NULL) {
+        *space->sketch = true;
+    }
     pm_status status = space->write(space->context, s->candidate[0].vector, "", path);
+    if (space->sketch != NULL) {
+        *space->sketch = false;
+    }
     status = status == PM_OK ? pm_training_load(&t, path) : status;
     remove(path);
     PM_TRY(status);
@@ -345,7 +355,18 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     pm_training_free(t);
     const pm_fit_effort effort = effort_for(s, FOR_ONE_ROUND * budget / alternatives, 1);
     s->left = (1 - FOR_FINALISTS) * budget;
+    int *simplest = pm_arena_array(&s->arena, (size_t)space->count + 1, sizeof *simplest);
+    bool other = false;
+    PM_TRY(pm_arena_status(&s->arena, "a search"));
+    for (int c = 0; c < space->count; ++c) {
+        simplest[c] = space->choice[c].simplest;
+        other = other || simplest[c] > 0;
+    }
+    if (other) {
+        s->candidate[s->ncandidate++] = (tried_vector){.vector = simplest};
+    }
     PM_TRY(run_new(s, 0, &effort, INFINITY));
+    s->best = other && error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
         goes_on = false;

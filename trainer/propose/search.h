@@ -2,10 +2,10 @@
 // alternatives in the order in which they are believed before any trial. A writer turns a vector,
 // one alternative for each choice, into a training file. A trial is a short fit of that file in a
 // process of its own, measured on the validation part. The search begins with the vector of first
-// alternatives, tries the alternatives of one choice after the other and keeps what lowers the
-// error of one step, until nothing does; the best few are then fitted longer, and their rollouts
-// decide (coordinate descent, and a last round of successive halving, Jamieson, Talwalkar, AISTATS
-// 2016).
+// alternatives or that of the simplest ones, whichever is better, tries the alternatives of one
+// choice after the other and keeps what lowers the error of one step, until nothing does; the best
+// few are then fitted longer, and their rollouts decide (coordinate descent, and a last round of
+// successive halving, Jamieson, Talwalkar, AISTATS 2016).
 //
 // The same space, data and budget give the same vector: the budget is turned into a number of
 // trials and of iterations by a nominal speed, not by a clock.
@@ -24,8 +24,9 @@
 #define PM_SEARCH_NAME 96
 
 typedef struct pm_choice {
-    char name[PM_SEARCH_NAME];                       // what is chosen, such as "L of tank"
-    int count;                                       // number of alternatives, at least 1
+    char name[PM_SEARCH_NAME]; // what is chosen, such as "L of tank"
+    int count;                 // number of alternatives, at least 1
+    int simplest; // the alternative with the fewest functions; these are also tried all together
     const char *alternative[PM_SEARCH_ALTERNATIVES]; // [count] in words; static or borrowed texts
 } pm_choice;
 
@@ -38,6 +39,8 @@ typedef struct pm_hypotheses {
     // data.
     pm_status (*write)(void *context, const int *chosen, const char *comment, const char *path);
     void *context;
+    // Set while the files of short fits are written, which may have smaller networks; or NULL.
+    bool *sketch;
 } pm_hypotheses;
 
 typedef struct pm_search_how {

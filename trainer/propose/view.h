@@ -3,6 +3,8 @@
 #ifndef PM_TRAINER_PROPOSE_VIEW_H
 #define PM_TRAINER_PROPOSE_VIEW_H
 
+#include <string.h>
+
 #include "base/unit.h"
 #include "propose/look.h"
 
@@ -65,6 +67,15 @@ typedef struct pm_part_view {
     // not act on the group.
     bool geometric[PM_MAX_GROUPS];
 } pm_part_view;
+
+// Returns the number of the group of this name in a subsystem that has it.
+static inline int pm_part_view_find(const pm_part_view *view, const char *name) {
+    int g = 0;
+    while (g + 1 < view->count && strcmp(view->group[g].group->name, name) != 0) {
+        ++g;
+    }
+    return g;
+}
 
 // Returns true if the lossless coupling of this group of a subsystem with others may be more than
 // its conjugate pair: it is no entropy, no position of a pair, no angular momentum of three
