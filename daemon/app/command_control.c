@@ -75,7 +75,7 @@ static pm_status control(const pm_run_options *options, int8_t kind, const char 
     static const char *const phases[] = {"waits for processes", "idle", "running", "held", "ended"};
     pm_scene *scene = NULL;
     pm_transport *transport = NULL;
-    pm_remote *remote = NULL;
+    pm_client *remote = NULL;
     pm_arena arena = {0};
     const bool names = options->name != NULL;
     portmet_control_t request = {.kind = kind}, *r = &request;

@@ -10,7 +10,7 @@
 typedef struct pm_remote_scene {
     pm_arena arena;
     pm_transport *transport;
-    pm_remote *client;
+    pm_client *client;
     const pm_served *served;
     const char *name, *record;
     bool running;                                // a run of this client is under way

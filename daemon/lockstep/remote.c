@@ -16,7 +16,7 @@
 #define LOOK 0.1       // s between two looks at the stop flag
 #define MOST_PAGES 2000
 
-struct pm_remote {
+struct pm_client {
     pm_arena arena;
     pm_transport *transport;
     pm_remote_options options;
@@ -33,7 +33,7 @@ struct pm_remote {
 
 static void on_reply(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
-    pm_remote *r = context;
+    pm_client *r = context;
     portmet_control_reply_t *next = &r->next;
     next->npart = r->served.nsubsystem;
     next->nend = 2 * r->served.nport;
@@ -52,7 +52,7 @@ static void on_reply(void *context, const char *channel, const void *data, size_
     r->heard = pm_clock();
 }
 
-pm_status pm_remote_ask(pm_remote *r, const portmet_control_t *request, bool wait) {
+pm_status pm_remote_ask(pm_client *r, const portmet_control_t *request, bool wait) {
     const int64_t client = r->request.client, nonce = r->request.nonce, ticket = r->request.ticket;
     r->request = *request;
     r->request.client = client;
@@ -110,12 +110,12 @@ pm_status pm_remote_ask(pm_remote *r, const portmet_control_t *request, bool wai
 // --- what is served ---
 
 // Makes an array of `count` texts.
-static const char **texts(pm_remote *r, int count) {
+static const char **texts(pm_client *r, int count) {
     return pm_arena_array(&r->arena, (size_t)count, sizeof(char *));
 }
 
 // Reads the names of a state's variables and their units: "groups": [[name, unit, size], ...].
-static pm_status read_groups(pm_remote *r, const char *owner, pm_yaml groups, bool counts) {
+static pm_status read_groups(pm_client *r, const char *owner, pm_yaml groups, bool counts) {
     for (int g = 0; g < pm_yaml_count(groups); ++g) {
         const pm_yaml group = pm_yaml_item(groups, g);
         const char *name, *unit;
@@ -134,7 +134,7 @@ static pm_status read_groups(pm_remote *r, const char *owner, pm_yaml groups, bo
 }
 
 // Reads what the client needs of the description.
-static pm_status read_description(pm_remote *r, pm_yaml root) {
+static pm_status read_description(pm_client *r, pm_yaml root) {
     pm_served *s = &r->served;
     pm_yaml subsystems, ports, inputs, value;
     PM_TRY(pm_yaml_require(root, "dt", &value));
@@ -180,7 +180,7 @@ static pm_status read_description(pm_remote *r, pm_yaml root) {
 }
 
 // Asks for all pages of the description.
-static pm_status query(pm_remote *r) {
+static pm_status query(pm_client *r) {
     portmet_control_t request = {.kind = PORTMET_CONTROL_T_QUERY};
     char *text = NULL;
     size_t size;
@@ -205,13 +205,13 @@ static pm_status query(pm_remote *r) {
     return status;
 }
 
-pm_status pm_remote_open(pm_remote **remote, pm_transport *transport,
+pm_status pm_remote_open(pm_client **remote, pm_transport *transport,
                          const pm_remote_options *options) {
     char replies[PM_CHANNEL_SIZE];
     pm_yaml_document *document = NULL;
     pm_yaml root;
     pm_status status;
-    pm_remote *r = calloc(1, sizeof *r);
+    pm_client *r = calloc(1, sizeof *r);
     if (r == NULL) {
         return pm_fail(PM_ENOMEM, "a client: out of memory");
     }
@@ -243,17 +243,17 @@ done:
     return status;
 }
 
-void pm_remote_close(pm_remote *remote) {
+void pm_remote_close(pm_client *remote) {
     if (remote != NULL) {
         pm_arena_free(&remote->arena);
         free(remote);
     }
 }
 
-const pm_served *pm_remote_served(const pm_remote *remote) {
+const pm_served *pm_remote_served(const pm_client *remote) {
     return &remote->served;
 }
 
-const portmet_control_reply_t *pm_remote_reply(const pm_remote *remote) {
+const portmet_control_reply_t *pm_remote_reply(const pm_client *remote) {
     return &remote->reply;
 }

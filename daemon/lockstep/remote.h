@@ -10,7 +10,7 @@
 #include "lockstep/codec.h"
 #include "transport/transport.h"
 
-typedef struct pm_remote pm_remote;
+typedef struct pm_client pm_client;
 
 // What the coordinator serves. The client owns all texts and arrays.
 typedef struct pm_served {
@@ -35,20 +35,20 @@ typedef struct pm_remote_options {
 // and asks what is served. Nobody may wait on the transport after the client is closed.
 // PM_ETIMEOUT: nobody answers; PM_ECONFIG: a channel's name is too long, or the description cannot
 // be read; PM_EINTERRUPTED, PM_ENET, PM_ENOMEM.
-pm_status pm_remote_open(pm_remote **remote, pm_transport *transport,
+pm_status pm_remote_open(pm_client **remote, pm_transport *transport,
                          const pm_remote_options *options);
-void pm_remote_close(pm_remote *remote); // NULL is allowed
+void pm_remote_close(pm_client *remote); // NULL is allowed
 
-const pm_served *pm_remote_served(const pm_remote *remote);
+const pm_served *pm_remote_served(const pm_client *remote);
 
 // Sends a request, and repeats it until it is done, or, unless `wait`, until it is accepted. The
 // caller sets its kind and what belongs to that; `client`, `nonce`, `ticket` and `sender` are set
 // here, and NULL stands for an empty text. Returns the code of the reply, with its text. A refusal
 // is such a code. PM_ETIMEOUT: nobody answers; PM_EUSAGE: a number is not finite; PM_ECONFIG:
 // another scene is served by now; PM_EINTERRUPTED, PM_ENET.
-pm_status pm_remote_ask(pm_remote *remote, const portmet_control_t *request, bool wait);
+pm_status pm_remote_ask(pm_client *remote, const portmet_control_t *request, bool wait);
 
 // Returns the last reply, valid until the next request.
-const portmet_control_reply_t *pm_remote_reply(const pm_remote *remote);
+const portmet_control_reply_t *pm_remote_reply(const pm_client *remote);
 
 #endif

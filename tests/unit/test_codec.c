@@ -295,7 +295,7 @@ static void test_hostile_counts_are_dropped(void **context) {
                                        0xffffffff, 0x80000000, COUNT + 1};
     const size_t flux_ends = 8 + 8 + 8 + 4 + 8, flux_y = flux_ends + 4 + 2 * 8 * COUNT;
     const size_t report_parts = 8 + 8 + 8 + 8 + 8 + 1 + 1 + 8 + 8;
-    const size_t tick_answers = 8 + 5 * 8 + 8 + 4 + 1 + 2 * 8 + 1;
+    const size_t tick_answers = 8 + 6 * 8 + 8 + 4 + 1 + 2 * 8 + 1;
     const size_t tick_live = tick_answers + 4 + 8 * COUNT;
     const size_t of_part = arrays_of(&pm_report_type, offsetof(portmet_report_t, npart));
     const size_t of_end = arrays_of(&pm_report_type, offsetof(portmet_report_t, nend));

@@ -206,6 +206,9 @@ static void mentions(void **state) {
     assert_false(pm_formula_mentions(&formula, "d"));
 }
 
+#define TEN "s+s+s+s+s+s+s+s+s+s+"
+#define FIFTY TEN TEN TEN TEN TEN
+
 static void mistakes_are_told(void **state) {
     (void)state;
     static const char *const bad[][2] = {
@@ -239,10 +242,7 @@ static void mistakes_are_told(void **state) {
         {"s $ 2", "expected an operation at \"$ 2\""},
         {"((((((((((((((((((((((((((((((((s))))))))))))))))))))))))))))))))",
          "more than 32 brackets and signs in one another"},
-        {"s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+"
-         "s+s+s"
-         "+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s+s",
-         "more than 128 operations"},
+        {FIFTY FIFTY FIFTY FIFTY "s", "more than 400 operations"},
     };
     pm_symbols symbols = symbols_of(NULL, PM_NO_NODE);
     symbols.symbol[symbols.count++] = (pm_symbol){"r", 3, PM_NO_NODE};

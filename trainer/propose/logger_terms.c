@@ -19,13 +19,13 @@ typedef struct atom {
 } atom;
 
 // A product of two factors.
-typedef struct term {
+typedef struct regressor {
     atom factor[2];
-} term;
+} regressor;
 
 typedef struct term_list {
     int count;
-    term item[MOST];
+    regressor item[MOST];
 } term_list;
 
 static double value_of(const pm_logger_view *v, const double *row, const double *held, atom a) {
@@ -159,7 +159,7 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
 
 static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind other) {
     if (list->count < MOST) {
-        list->item[list->count++] = (term){{{a, one}, {b, other}}};
+        list->item[list->count++] = (regressor){{{a, one}, {b, other}}};
     }
 }
 
