@@ -78,8 +78,15 @@ int pm_local_subsystems_most_rounds(const pm_local_subsystems *local) {
            pm_integrator_most_rounds(physics->integrator);
 }
 
+// Sets an array of `count` items to 0. An array without items may be NULL.
+static void clear(void *array, size_t count, size_t size) {
+    if (count > 0) {
+        memset(array, 0, count * size);
+    }
+}
+
 static void clear_flux(const pm_lane_flux *flux, int64_t lanes) {
-    memset(flux->energy, 0, 4 * (size_t)lanes * sizeof *flux->energy);
+    clear(flux->energy, 4 * (size_t)lanes, sizeof *flux->energy);
 }
 
 // Begins a run at d->z.
@@ -106,19 +113,19 @@ static void start(const pm_model *m, pm_data *d) {
     // All counts and fluxes are those of step 0.
     const size_t lanes = (size_t)m->own_lanes;
     d->exposure_calls = d->bulk_calls = d->port_calls = d->step = 0;
-    memset(d->rested, 0, lanes * sizeof *d->rested);
-    memset(d->more_exposures, 0, lanes * sizeof *d->more_exposures);
-    memset(d->out_of_range, 0, lanes * sizeof *d->out_of_range);
-    memset(d->bulk_kept, 0, (size_t)m->nblock * sizeof *d->bulk_kept);
-    memset(d->port_kept, 0, (size_t)m->nport_block * sizeof *d->port_kept);
-    memset(d->port_rested, 0, (size_t)m->port_lanes * sizeof *d->port_rested);
-    memset(d->remote_flux, 0, (size_t)m->nremote * sizeof *d->remote_flux);
+    clear(d->rested, lanes, sizeof *d->rested);
+    clear(d->more_exposures, lanes, sizeof *d->more_exposures);
+    clear(d->out_of_range, lanes, sizeof *d->out_of_range);
+    clear(d->bulk_kept, (size_t)m->nblock, sizeof *d->bulk_kept);
+    clear(d->port_kept, (size_t)m->nport_block, sizeof *d->port_kept);
+    clear(d->port_rested, (size_t)m->port_lanes, sizeof *d->port_rested);
+    clear(d->remote_flux, (size_t)m->nremote, sizeof *d->remote_flux);
     clear_flux(&d->bulk, m->own_lanes);
     clear_flux(&d->flux[0], m->port_lanes);
     clear_flux(&d->flux[1], m->port_lanes);
     if (d->error != NULL) {
-        memset(d->error, 0, lanes * sizeof *d->error);
-        memset(d->length, 0, PM_MAX_GROUPS * lanes * sizeof *d->length);
+        clear(d->error, lanes, sizeof *d->error);
+        clear(d->length, PM_MAX_GROUPS * lanes, sizeof *d->length);
     }
     for (size_t l = 0; l < lanes && d->projection != NULL; ++l) {
         pm_invariant_projection_start(&d->projection[l], d->E[l], d->S[l]);
@@ -190,9 +197,9 @@ static void begin_step(const pm_model *m, pm_data *d) {
     d->before.bulks = d->bulk_calls;
     d->before.ports = d->port_calls;
     memcpy(d->before.kept, d->before.now, d->before.size);
-    for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
-        memcpy(d->before.ghost[i], d->shown[i] + m->own_size,
-               (size_t)(m->size - m->own_size) * sizeof *d->z);
+    const size_t ghosts = (size_t)(m->size - m->own_size);
+    for (int i = PM_SHOWN_DE; ghosts > 0 && i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
+        memcpy(d->before.ghost[i], d->shown[i] + m->own_size, ghosts * sizeof *d->z);
     }
     pm_serializer objects = pm_serializer_save("objects", d->before.object);
     put_objects(m, &objects);
@@ -233,12 +240,12 @@ void pm_local_subsystems_undo_step(pm_local_subsystems *local) {
     d->exposure_calls = d->before.exposures;
     d->bulk_calls = d->before.bulks;
     d->port_calls = d->before.ports;
-    memset(d->bulk_kept, 0, (size_t)m->nblock * sizeof *d->bulk_kept);
-    memset(d->port_kept, 0, (size_t)m->nport_block * sizeof *d->port_kept);
+    clear(d->bulk_kept, (size_t)m->nblock, sizeof *d->bulk_kept);
+    clear(d->port_kept, (size_t)m->nport_block, sizeof *d->port_kept);
     memcpy(d->before.now, d->before.kept, d->before.size);
-    for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
-        memcpy(d->shown[i] + m->own_size, d->before.ghost[i],
-               (size_t)(m->size - m->own_size) * sizeof *d->z);
+    const size_t ghosts = (size_t)(m->size - m->own_size);
+    for (int i = PM_SHOWN_DE; ghosts > 0 && i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
+        memcpy(d->shown[i] + m->own_size, d->before.ghost[i], ghosts * sizeof *d->z);
     }
     pm_serializer objects = pm_serializer_restore("objects", d->before.object);
     put_objects(m, &objects);

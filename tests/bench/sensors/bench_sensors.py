@@ -28,13 +28,14 @@ def run(*command, quiet=True):
 
 
 def read_dataset(path):
-    """The numbers of /z in an HDF5 file, its shape and its columns."""
+    """The numbers of a recording of evaluate, its shape and its columns: states /z, or columns /y if starts were estimated."""
     raw = path.with_suffix(".raw")
     header = run("h5dump", "-A", path)
-    run("h5dump", "-d", "/z", "-b", "LE", "-o", raw, path)
+    name, attribute = ("z", "state_layout") if '"state_layout"' in header else ("y", "columns")
+    run("h5dump", "-d", f"/{name}", "-b", "LE", "-o", raw, path)
     numbers = array.array("d", raw.read_bytes())
-    shape = re.search(r'DATASET "z".*?SIMPLE \{ \( ([^)]*) \)', header, re.DOTALL)[1]
-    columns = re.search(r'"state_layout".*?\(0\): "([^"]*)"', header, re.DOTALL)[1]
+    shape = re.search(rf'DATASET "{name}".*?SIMPLE \{{ \( ([^)]*) \)', header, re.DOTALL)[1]
+    columns = re.search(rf'"{attribute}".*?\(0\): "([^"]*)"', header, re.DOTALL)[1]
     return numbers, [int(n) for n in shape.split(",")], columns.split()
 
 
