@@ -53,7 +53,7 @@
 // Which subsystems share a process.
 typedef enum cut { EACH, TOGETHER, HALVES, EVERY_OTHER } cut;
 
-// What is done to a run while it goes on. All but SMOOTH hold it at gates.
+// Each of these is done to a run while it goes on. All but SMOOTH hold it at gates.
 typedef enum disturbance { SMOOTH, KILLS, KILLS_COORDINATOR, STOPS, CONTINUES } disturbance;
 
 typedef struct trial {

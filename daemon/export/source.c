@@ -449,7 +449,7 @@ static void write_outputs(FILE *file, const void *context) {
             }
         }
     }
-    // What all ports do to the outside.
+    // The rates that all ports give to the outside are summed up.
     for (int id = 0; id < physics->nboundary_input; ++id) {
         const pm_scene_boundary_input *b = &physics->boundary_input[id];
         fprintf(file, "    memset(%sreaction + %d, 0, %d * sizeof *z);\n", s->d, b->first / 3,

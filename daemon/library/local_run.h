@@ -10,7 +10,7 @@
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 
-// What the caller needs of a run.
+// A caller needs one of these of a run.
 typedef enum pm_local_need {
     PM_LOCAL_SUMS,    // of the samples no more than the first PM_SCENE_LISTED subsystems
     PM_LOCAL_SAMPLES, // whole samples

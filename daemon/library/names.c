@@ -3,8 +3,8 @@
 
 #include "base/unit.h"
 
-// What is named: the value of a variable, the derivatives of energy and entropy by it, and its
-// rate. A boundary input prescribes the first three.
+// These quantities have names: the value of a variable, the derivatives of energy and entropy by
+// it, and its rate. A boundary input prescribes the first three.
 enum { VALUE, ENERGY_SLOPE, ENTROPY_SLOPE, PRESCRIBED, RATE = PRESCRIBED };
 
 // Returns the unit of a quantity of a variable in `unit`, such as "m/s" for the slope of the energy

@@ -113,7 +113,7 @@ bool pm_lockstep_coordinator_finished(const pm_lockstep_coordinator *coordinator
 // observer returned.
 pm_status pm_lockstep_coordinator_result(const pm_lockstep_coordinator *coordinator);
 
-// What is kept of a run after a step, besides the state.
+// A service keeps this of a run after a step, besides the state.
 typedef struct pm_lockstep_point {
     int64_t step;
     pm_ledger ledger;

@@ -12,7 +12,7 @@
 
 typedef struct pm_client pm_client;
 
-// What the coordinator serves. The client owns all texts and arrays.
+// A service says that it has this. The client owns all texts and arrays.
 typedef struct pm_served {
     const char *description; // one line of JSON (daemon/WIRE.md)
     double dt;               // s

@@ -506,7 +506,7 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
     const pm_operator_spec *spec = c->op->spec;
     const pm_node rows = from_frame(c, pm_transpose(g, c->matrix));
     const pm_shape shape = {true, 1, c->support.n};
-    // What leaves a group of acts_on enters the group against it.
+    // The flow that leaves a group of acts_on enters the group against it.
     const pm_node own = pm_mul(g, rows, c->scale);
     pm_node part[2 * PM_MAX_GROUPS];
     for (int i = 0; i < c->support.ngroup; ++i) {

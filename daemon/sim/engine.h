@@ -210,7 +210,7 @@ struct pm_data {
     pm_flux *remote_flux; // [nremote] into the subsystem here during the last step
     // How often in this run an exposure, a bulk term and a law could have been evaluated.
     long exposure_calls, bulk_calls, port_calls;
-    // What a step overwrites, as it was before the step, so that the step can be undone. What
+    // A step overwrites these values. They are kept here, so that the step can be undone. What
     // follows from the state alone is computed again. All is NULL unless steps are kept.
     struct {
         bool begun;                         // a step has begun that can be undone
