@@ -304,6 +304,12 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
         report->score = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof *report->score);
     }
     PM_TRY(pm_arena_status(arena, "report"));
+    const int worst = pm_system_worst_verdict(setup->system);
+    if (worst >= 0 && !options->quiet) {
+        const pm_provenance *of = setup->system->component[worst].provenance;
+        pm_journal_write(&options->log, PM_JOURNAL_WARNING, 0, NULL,
+                         "the verdict on the fit of %s: %s", of->path, of->verdict);
+    }
     return pm_observer_check_recording(options);
 }
 

@@ -569,6 +569,22 @@ int pm_system_without_energy(const pm_system *system) {
     return -1;
 }
 
+int pm_system_worst_verdict(const pm_system *system) {
+    static const char *const word[] = PM_VERDICT_WORDS;
+    int worst = -1;
+    size_t grade = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const char *verdict = system->component[i].provenance->verdict;
+        for (size_t g = grade + 1; verdict != NULL && g < sizeof word / sizeof *word; ++g) {
+            if (strncmp(verdict, word[g], strlen(word[g])) == 0) {
+                worst = i;
+                grade = g;
+            }
+        }
+    }
+    return worst;
+}
+
 pm_status pm_system_check_integrator(const pm_system *system, const pm_integrator *integrator,
                                      const char *at) {
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {

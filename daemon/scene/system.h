@@ -87,4 +87,8 @@ bool pm_system_end_has_entropy(const pm_system *system, int port, int end);
 // defined; -1: none.
 int pm_system_without_energy(const pm_system *system);
 
+// Returns the component whose weights have the worst verdict of a fit that is not "good"
+// (weights.h); -1: there is none, or none is known.
+int pm_system_worst_verdict(const pm_system *system);
+
 #endif

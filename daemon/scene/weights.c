@@ -61,6 +61,9 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
         PM_TRY(pm_hdf5_write_text(file, "/", "integrator", p->integrator));
         PM_TRY(pm_hdf5_write_number(file, "/", "step", p->step));
     }
+    if (is_given(p->verdict)) {
+        PM_TRY(pm_hdf5_write_text(file, "/", "verdict", p->verdict));
+    }
     if (is_given(p->trajectories)) {
         PM_TRY(pm_hdf5_write_text(file, "/", "trajectories", p->trajectories));
     }
@@ -177,6 +180,7 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
     *p = (pm_provenance){.path = pm_arena_strdup(arena, path),
                          .coordinates = "",
                          .integrator = "",
+                         .verdict = "",
                          .trajectories = "",
                          .relative = ""};
     // Older files have no record of the training data and of the columns of the state.
@@ -190,6 +194,9 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
             PM_TRY(pm_arena_status(arena, "weights"));
             PM_TRY(pm_hdf5_read_integers(file, "/", "seen", PM_MOST_SEEN, seen, &p->nseen));
         }
+    }
+    if (pm_hdf5_is_text(file, "/", "verdict")) {
+        PM_TRY(pm_hdf5_read_text(file, "/", "verdict", arena, &p->verdict));
     }
     if (pm_hdf5_is_text(file, "/", "trajectories")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "trajectories", arena, &p->trajectories));

@@ -6,6 +6,7 @@
 //     command, seed, loss, seconds (time of training), created (UTC)
 //     data          the data of the training
 //     integrator, step (s)       only if the training fitted steps
+//     verdict       of the fit that made them, beginning with a word such as "good" or "UNFIT"
 //     trajectories, seen         the trajectories of the training, as text, and a digest of each
 //     columns       a digest of the names of the state's columns
 //     relative      the groups that are measured from a neighbour (relative_to)
@@ -24,6 +25,11 @@
 
 #define PM_MOST_SEEN 7000 // digests of trajectories: an attribute of HDF5 cannot hold more
 
+// The first words of verdicts, from the best to the worst. "unfinished": the fit has not ended.
+#define PM_VERDICT_WORDS \
+    { "good", "fair", "poor", "unfinished", "UNFIT" }
+#define PM_VERDICT_LENGTH 600 // bytes of a verdict, with its end
+
 // The origin of weights. The caller owns the texts when it saves; they live in the arena after
 // loading.
 struct pm_provenance {
@@ -38,6 +44,9 @@ struct pm_provenance {
     // saving, NULL: the training fitted rates, or nothing is known.
     const char *integrator;
     double step; // s; 0 if there is no integrator
+    // The verdict of the fit that made the weights: a word of PM_VERDICT_WORDS and, unless that is
+    // "good", ": " and the reason. "" or, when saving, NULL: not known.
+    const char *verdict;
     // The trajectories of the training: as text, such as "0:4,5:9" ("" or, when saving, NULL: not
     // known), and the digest of each (dataset.h), by which evaluations recognise them in any file.
     const char *trajectories;

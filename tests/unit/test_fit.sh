@@ -220,6 +220,14 @@ fit dishonest dishonest
 [ $code -eq 13 ] || fail "dishonest: expected exit code 13, found $code"
 says '^Verdict: UNFIT\.'
 [ "$(wc -l <"$folder/err")" -eq 1 ] || fail "dishonest: expected one line"
+# The weights say so wherever they are used.
+"$portmetd" check "$folder/scene.yaml" --weights "$folder/dishonest" >"$folder/out" 2>"$folder/err"
+says "the fit's verdict: UNFIT: on the validation part"
+"$portmetd" run "$folder/scene.yaml" --in-process --steps 2 --weights "$folder/dishonest" \
+    >"$folder/err" 2>"$folder/out"
+says 'the verdict on the fit of .*/dishonest/[a-z]*\.h5: UNFIT: on the validation part'
+"$portmetd" check "$folder/scene.yaml" --weights "$folder/honest" >"$folder/out" 2>"$folder/err"
+says "the fit's verdict: (good|fair|poor)"
 # The best weights are kept, not the last: a stage that ruins them is of no account.
 config ruined '{optimiser: gauss_newton, iterations: 12, batch: 200, substeps: 2}' \
     '{optimiser: adam, iterations: 2, batch: 8, rate: 3.0, substeps: 1}'

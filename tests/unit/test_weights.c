@@ -32,6 +32,7 @@ static const pm_provenance provenance = {.command = "portmet-train fit train.yam
                                          .data = "data.h5 0123456789abcdef",
                                          .integrator = "rk4",
                                          .step = 0.0375,
+                                         .verdict = "fair: rollouts have 7 % of that error",
                                          .seed = UINT64_MAX - 1,
                                          .loss = 1.25e-7,
                                          .seconds = 12.5};
@@ -116,6 +117,7 @@ static void a_subsystem_comes_back_bit_by_bit(void **state) {
     assert_string_equal(p.command, provenance.command);
     assert_string_equal(p.data, provenance.data);
     assert_string_equal(p.integrator, provenance.integrator);
+    assert_string_equal(p.verdict, provenance.verdict);
     assert_true(p.step == provenance.step);
     assert_true(p.seed == provenance.seed);
     assert_true(p.loss == provenance.loss && p.seconds == provenance.seconds);

@@ -150,7 +150,12 @@ pm_status pm_fit_run(pm_fit *f) {
 }
 
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box) {
-    return fit->kind->report(fit, black_box);
+    const pm_status status = fit->kind->report(fit, black_box);
+    char reason[PM_VERDICT_LENGTH];
+    snprintf(reason, sizeof reason, "%s", pm_error());
+    fit->saved = pm_clock(); // a report is no time of training
+    const pm_status saved = pm_fit_save(fit, false);
+    return status != PM_OK ? pm_fail(status, "%s", reason) : saved;
 }
 
 pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score) {

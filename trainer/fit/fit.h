@@ -109,13 +109,14 @@ typedef struct pm_fit {
     double *best;     // [size] the best weights so far
     double *declared; // [size] the weights before any random draw
     pm_fit_position position;
-    int interval;     // iterations between two validations
-    double saved;     // s, monotonic clock, at the last checkpoint
-    double loss;      // as last reported
-    double processor; // s of CPU time of the process at the beginning of the fit
-    bool expired;     // the time limit is over
-    bool interrupted; // the training has been interrupted, and reports what it has
-    FILE *curves;     // fit.csv
+    int interval;                    // iterations between two validations
+    double saved;                    // s, monotonic clock, at the last checkpoint
+    double loss;                     // as last reported
+    double processor;                // s of CPU time of the process at the beginning of the fit
+    bool expired;                    // the time limit is over
+    bool interrupted;                // the training has been interrupted, and reports what it has
+    char verdict[PM_VERDICT_LENGTH]; // what weights files say of the fit (scene/weights.h)
+    FILE *curves;                    // fit.csv
     pm_progress progress;
 } pm_fit;
 
@@ -155,7 +156,7 @@ pm_status pm_fit_open(pm_fit *fit, const pm_fit_arguments *arguments,
 // becomes nonzero; PM_ENUMERIC if the loss is not finite.
 pm_status pm_fit_run(pm_fit *fit);
 void pm_fit_close(pm_fit *fit);
-// Prints a report of the present weights, as pm_fit_kind does.
+// Prints a report of the present weights, as pm_fit_kind does. The weights files keep its verdict.
 pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box);
 
 // Scores the present weights, as pm_fit_kind does.
@@ -204,8 +205,12 @@ typedef struct pm_verdict {
 // below `good`, the reason, a format for what follows, is noted. NAN: not compared.
 void pm_verdict_compare(pm_verdict *verdict, double value, double good, double fair,
                         const char *format, ...) __attribute__((format(printf, 5, 6)));
-// Prints "Verdict: <grade>. " and the text, then the reasons.
-void pm_verdict_print(const pm_verdict *verdict, const char *text);
+// Prints "Verdict: <grade>. " and the text, then the reasons. `record` becomes what weights files
+// keep of it (scene/weights.h).
+void pm_verdict_print(const pm_verdict *verdict, const char *text, char record[PM_VERDICT_LENGTH]);
+// Prints and records that the model is unfit, for the reason that the format gives. PM_EUNFIT.
+pm_status pm_verdict_unfit(char record[PM_VERDICT_LENGTH], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
 
 // --- fit/fit_states.c ---
 

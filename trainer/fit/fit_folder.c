@@ -123,18 +123,19 @@ static pm_status save_weights(pm_fit *f, bool loud) {
     // What all weights files of the fit share.
     const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
     const bool steps = loss->residual == PM_RESIDUAL_STEP;
-    pm_provenance p =
-        (pm_provenance){.command = f->arguments->line,
-                        .data = f->data,
-                        .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
-                        .integrator = steps ? loss->integrator->name : NULL,
-                        .step = steps ? f->training->scene->physics.dt / loss->substeps : 0,
-                        .trajectories = f->split.training,
-                        .nseen = f->dataset->ntrajectory,
-                        .seen = f->seen,
-                        .seed = f->training->seed,
-                        .loss = f->loss,
-                        .seconds = f->position.seconds};
+    pm_provenance p = (pm_provenance){
+        .command = f->arguments->line,
+        .data = f->data,
+        .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
+        .integrator = steps ? loss->integrator->name : NULL,
+        .step = steps ? f->training->scene->physics.dt / loss->substeps : 0,
+        .verdict = *f->verdict == '\0' ? "unfinished: the fit was not judged" : f->verdict,
+        .trajectories = f->split.training,
+        .nseen = f->dataset->ntrajectory,
+        .seen = f->seen,
+        .seed = f->training->seed,
+        .loss = f->loss,
+        .seconds = f->position.seconds};
     pm_status status = PM_OK;
     for (int i = 0; i < pm_system_components(system) && status == PM_OK; ++i) {
         const char *weights = weights_of(f->training->scene, i);

@@ -929,8 +929,8 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     status =
         pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how);
     if (status == PM_ENUMERIC) {
-        printf("Verdict: UNFIT. The %s part cannot be predicted: %s.\n", where, pm_error());
-        status = pm_fail(PM_EUNFIT, "the %s part cannot be predicted: %s", where, pm_error());
+        status =
+            pm_verdict_unfit(f->verdict, "the %s part cannot be predicted: %s", where, pm_error());
     }
     PM_TRY_DONE(status);
     taken = pm_fit_processor_time(f);
@@ -967,8 +967,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     }
     if (!finite || own > 0) {
         const char *what = finite ? "worse than the mean of the measurements" : "not finite";
-        printf("Verdict: UNFIT. Predictions of the %s part are %s.\n", where, what);
-        status = pm_fail(PM_EUNFIT, "predictions of the %s part are %s", where, what);
+        status = pm_verdict_unfit(f->verdict, "predictions of the %s part are %s", where, what);
         goto done;
     }
     pm_verdict_compare(&v, unexplained, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
@@ -988,7 +987,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
              "On the %s part predictions miss %.3g %% of the typical distance of a column from its "
              "median.",
              where, 100 * worst);
-    pm_verdict_print(&v, text);
+    pm_verdict_print(&v, text, f->verdict);
 done:
     pm_estimate_free(&e);
     pm_uncertainty_free(&u);

@@ -323,7 +323,7 @@ static pm_status run(pm_fit *f) {
 }
 
 typedef struct fit_report {
-    const pm_fit *fit;
+    pm_fit *fit;
     pm_measure training, validation;
     const pm_measure *judged;    // the validation part, or where there is none the training part
     const pm_measure *black_box; // or NULL
@@ -424,7 +424,7 @@ static void print_laws(const pm_measure *m) {
 
 // --- the verdict ---
 
-static void print_verdict(const fit_report *r, const char *where) {
+static void print_verdict(const fit_report *r, const char *where, char *record) {
     const pm_measure *m = r->judged;
     pm_verdict v = {.count = 0};
     // The group whose rollouts have the largest error relative to persistence, and that with the
@@ -483,7 +483,7 @@ static void print_verdict(const fit_report *r, const char *where) {
     } else {
         snprintf(text + n, sizeof text - (size_t)n, ").");
     }
-    pm_verdict_print(&v, text);
+    pm_verdict_print(&v, text, record);
 }
 
 static pm_status judge(const fit_report *r) {
@@ -496,24 +496,19 @@ static pm_status judge(const fit_report *r) {
             worse = cell;
         }
     }
+    char *record = r->fit->verdict;
     if (m->failures > 0) {
-        printf("Verdict: UNFIT. %d of %d rollouts on the %s part are not finite.\n", m->failures,
-               m->evaluation->count, where);
-        return pm_fail(PM_EUNFIT, "%d of %d rollouts on the %s part are not finite", m->failures,
-                       m->evaluation->count, where);
+        return pm_verdict_unfit(record, "%d of %d rollouts on the %s part are not finite",
+                                m->failures, m->evaluation->count, where);
     }
     if (worse != NULL || m->score >= 1) {
-        const char *part = worse == NULL ? "all parts" : worse->part;
-        const char *group = worse == NULL ? "all groups" : worse->group;
-        printf(
-            "Verdict: UNFIT. The model is worse than a state that stays as it is, in %s of %s.\n",
-            group, part);
-        return pm_fail(PM_EUNFIT,
-                       "on the %s part the model is worse than a state that stays as it is, in %s "
-                       "of %s",
-                       where, group, part);
+        return pm_verdict_unfit(record,
+                                "on the %s part the model is worse than a state that stays as it "
+                                "is, in %s of %s",
+                                where, worse == NULL ? "all groups" : worse->group,
+                                worse == NULL ? "all parts" : worse->part);
     }
-    print_verdict(r, where);
+    print_verdict(r, where, record);
     return PM_OK;
 }
 
