@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/linalg.h"
+#include "library/fleet.h"
 #include "library/local_run.h"
 #include "library/names.h"
 #include "library/remote_scene.h"
@@ -381,4 +382,92 @@ int portmet_scene_record(portmet_scene *scene, const char *path) {
         return PORTMET_EUSAGE;
     }
     return leave(scene, record(scene, path));
+}
+
+// --- copies ---
+
+struct portmet_fleet {
+    pm_fleet fleet;
+    atomic_flag busy; // a thread is changing the fleet
+};
+
+int portmet_fleet_open(portmet_fleet **fleet, const portmet_scene *scene, int64_t count,
+                       int threads) {
+    if (scene->remote != NULL) {
+        return pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene));
+    }
+    portmet_fleet *f = calloc(1, sizeof *f);
+    if (f == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for copies");
+    }
+    atomic_flag_clear(&f->busy);
+    const pm_status status = pm_fleet_open(&f->fleet, &scene->setup, count, threads);
+    if (status != PM_OK) {
+        portmet_fleet_close(f);
+        return status;
+    }
+    *fleet = f;
+    pm_forget_error();
+    return PORTMET_OK;
+}
+
+void portmet_fleet_close(portmet_fleet *fleet) {
+    if (fleet != NULL) {
+        pm_fleet_close(&fleet->fleet);
+        free(fleet);
+    }
+}
+
+void *portmet_fleet_array(const portmet_fleet *fleet, int array) {
+    const pm_fleet *f = &fleet->fleet;
+    void *const arrays[] = {[PORTMET_FLEET_STATE] = f->z,
+                            [PORTMET_FLEET_INPUTS] =
+                                f->setup->scene->physics.nprescribed > 0 ? f->input : NULL,
+                            [PORTMET_FLEET_ENERGY] = f->energy,
+                            [PORTMET_FLEET_ENTROPY] = f->entropy,
+                            [PORTMET_FLEET_STEPS] = f->step,
+                            [PORTMET_FLEET_ENDED] = f->ended};
+    return array < 0 || array > PORTMET_FLEET_ENDED ? NULL : arrays[array];
+}
+
+// Steps, saves or restores copies: rows NULL, `restore` false or true.
+static int change_fleet(portmet_fleet *fleet, int64_t count, bool restore, const int64_t *copy,
+                        double *rows) {
+    pm_forget_error();
+    if (count < 0) {
+        return pm_fail(PM_EUSAGE, "%lld steps or copies: expected 0 or more", (long long)count);
+    }
+    if (atomic_flag_test_and_set(&fleet->busy)) {
+        return pm_fail(PM_EUSAGE, "another thread is using the copies");
+    }
+    pm_status status = PM_OK;
+    if (rows != NULL) {
+        status = pm_fleet_copy(&fleet->fleet, restore, count, copy, rows);
+    } else {
+        pm_fleet_step(&fleet->fleet, count);
+        pm_forget_error();
+    }
+    atomic_flag_clear(&fleet->busy);
+    return status;
+}
+
+int portmet_fleet_step(portmet_fleet *fleet, int64_t count) {
+    return change_fleet(fleet, count, false, NULL, NULL);
+}
+
+const char *portmet_fleet_failure(const portmet_fleet *fleet) {
+    return fleet->fleet.why;
+}
+
+size_t portmet_fleet_row(const portmet_fleet *fleet) {
+    return (size_t)pm_fleet_row(&fleet->fleet);
+}
+
+int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows) {
+    return change_fleet(fleet, count, false, copy, rows);
+}
+
+int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,
+                          const double *rows) {
+    return change_fleet(fleet, count, true, copy, (double *)rows);
 }

@@ -172,6 +172,61 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
  * closing the scene. */
 int portmet_scene_record(portmet_scene *scene, const char *path);
 
+/* Copies of one scene, which differ in their states and boundary inputs. Threads share them, and
+ * every copy has the bits that a scene alone has with this state and these inputs, whatever the
+ * numbers of copies and threads. There is no ledger: neither the guard `energy_drift` nor the
+ * tolerances of both laws end a copy. One fleet belongs to one thread at a time.
+ *
+ *     portmet_fleet *fleet;
+ *     portmet_fleet_open(&fleet, scene, 10000, 0);
+ *     double *state = portmet_fleet_array(fleet, PORTMET_FLEET_STATE); // [10000][variables]
+ *     state[0] += 0.1;
+ *     portmet_fleet_step(fleet, 200);
+ */
+typedef struct portmet_fleet portmet_fleet;
+
+/* Opens `count` copies of a scene, at its initial state. `threads` share them; 0: as many as there
+ * are processors. The scene must stay open as long as the fleet, and may be stepped meanwhile. The
+ * caller closes the fleet. PORTMET_EUSAGE: a number is out of range, or the scene is one that
+ * portmet_scene_connect has opened. */
+int portmet_fleet_open(portmet_fleet **fleet, const portmet_scene *scene, int64_t count,
+                       int threads);
+void portmet_fleet_close(portmet_fleet *fleet); /* NULL is allowed */
+
+/* The arrays of a fleet of N copies. They keep their place in memory until it is closed. The caller
+ * may write to all of them between two calls. S is the number of subsystems. */
+enum portmet_fleet_arrays {
+    PORTMET_FLEET_STATE = 0,   /* double [N][variables] */
+    PORTMET_FLEET_INPUTS = 1,  /* double [N][inputs] as in portmet_scene_inputs; NULL: there are
+                                  none */
+    PORTMET_FLEET_ENERGY = 2,  /* double [N][S] J, after the last step */
+    PORTMET_FLEET_ENTROPY = 3, /* double [N][S] J/K, after the last step */
+    PORTMET_FLEET_STEPS = 4,   /* int64_t [N] steps taken, from which the time follows */
+    PORTMET_FLEET_ENDED = 5    /* int [N] 0: the copy takes steps. A copy whose step has failed has
+                                  the portmet_status of the failure, and the state before this step.
+                                  The caller may write any number, by which the copy rests, and 0,
+                                  by which it goes on. */
+};
+
+/* Returns an array of a fleet, which owns it. NULL: there is no such array. */
+void *portmet_fleet_array(const portmet_fleet *fleet, int array);
+
+/* Takes `count` steps, 0 or more, of every copy that has not ended. The inputs hold during all of
+ * them. It returns 0 also if copies have ended; portmet_fleet_failure says in one line which is the
+ * first of them in this call, and why: "copy 7: step 3: ...", "" if none has ended. With 0 steps
+ * the energies become those of the states that the caller has written. */
+int portmet_fleet_step(portmet_fleet *fleet, int64_t count);
+const char *portmet_fleet_failure(const portmet_fleet *fleet);
+
+/* portmet_fleet_save writes the copies copy [count], or the first `count` if `copy` is NULL, to
+ * rows [count][portmet_fleet_row(fleet)], and portmet_fleet_restore reads them back, into the same
+ * copies or others. A row holds all with which a copy goes on with the same bits, but not its
+ * inputs; it begins with the state. PORTMET_EUSAGE: there is no such copy. */
+size_t portmet_fleet_row(const portmet_fleet *fleet);
+int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows);
+int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,
+                          const double *rows);
+
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

@@ -527,6 +527,81 @@ done:
     return status;
 }
 
+// Fills the arrays of a scene of `count` copies.
+static void repeat_physics(pm_physics *to, const pm_physics *from, int count) {
+    for (int k = 0; k < to->nsubsystem; ++k) {
+        to->subsystem[k] = from->subsystem[k / count];
+        to->subsystem[k].first += k % count * from->nz;
+    }
+    for (int k = 0; k < to->nboundary_input; ++k) {
+        to->boundary_input[k] = from->boundary_input[k / count];
+        to->boundary_input[k].first += k % count * from->nprescribed;
+    }
+    for (int k = 0; k < to->nport; ++k) {
+        pm_scene_port *port = &to->port[k];
+        *port = from->port[k / count];
+        for (int end = 0; end < 2; ++end) {
+            int *at =
+                port->subsystem[end] >= 0 ? &port->subsystem[end] : &port->boundary_input[end];
+            *at = *at * count + k % count;
+        }
+    }
+    int n = 0;
+    for (int k = 0; k < to->nsubsystem; ++k) {
+        to->first_end[k] = n;
+        for (int e = from->first_end[k / count]; e < from->first_end[k / count + 1]; ++e) {
+            to->end_at[n++] = 2 * (from->end_at[e] / 2 * count + k % count) + from->end_at[e] % 2;
+        }
+    }
+    to->first_end[to->nsubsystem] = n;
+}
+
+pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, int count,
+                           pm_arena *arena) {
+    const pm_physics *from = &system->scene->physics;
+    const size_t n = (size_t)count, npart = n * (size_t)from->nsubsystem,
+                 nport = n * (size_t)from->nport, ninput = n * (size_t)from->nboundary_input;
+    pm_scene *scene = pm_arena_alloc(arena, sizeof *scene);
+    pm_system *to = pm_arena_alloc(arena, sizeof *to);
+    pm_physics physics = *from;
+    physics.subsystem = pm_arena_array(arena, npart, sizeof *physics.subsystem);
+    physics.port = pm_arena_array(arena, nport, sizeof *physics.port);
+    physics.boundary_input = pm_arena_array(arena, ninput, sizeof *physics.boundary_input);
+    physics.first_end = pm_arena_array(arena, npart + 1, sizeof *physics.first_end);
+    physics.end_at = pm_arena_array(arena, 2 * nport, sizeof *physics.end_at);
+    pm_part **part = pm_arena_array(arena, npart, sizeof(pm_part *));
+    pm_port_model **port = pm_arena_array(arena, nport, sizeof(pm_port_model *));
+    int *part_owner = pm_arena_array(arena, npart, sizeof *part_owner);
+    int *port_owner = pm_arena_array(arena, nport, sizeof *port_owner);
+    const pm_solid_mesh **mesh = pm_arena_array(arena, npart, sizeof(pm_solid_mesh *));
+    PM_TRY(pm_arena_status(arena, "%d copies of scene %s", count, system->scene->name));
+    physics.nsubsystem = (int)npart;
+    physics.nport = (int)nport;
+    physics.nboundary_input = (int)ninput;
+    physics.nz *= count;
+    physics.nprescribed *= count;
+    repeat_physics(&physics, from, count);
+    for (size_t k = 0; k < npart; ++k) {
+        part[k] = system->part[k / n];
+        part_owner[k] = system->part_owner[k / n] * count;
+        mesh[k] = system->mesh[k / n];
+    }
+    for (size_t k = 0; k < nport; ++k) {
+        port[k] = system->port[k / n];
+        port_owner[k] = system->port_owner[k / n] * count;
+    }
+    *scene = *system->scene;
+    scene->physics = physics;
+    *to = (pm_system){.scene = scene,
+                      .part = part,
+                      .port = port,
+                      .part_owner = part_owner,
+                      .port_owner = port_owner,
+                      .mesh = mesh};
+    *repeated = to;
+    return PM_OK;
+}
+
 void pm_system_free(pm_system *system) {
     if (system == NULL) {
         return;

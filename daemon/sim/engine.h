@@ -32,10 +32,6 @@
 #include "sim/lanes.h"
 #include "sim/local_subsystems.h"
 
-// The largest number of lanes of a block. So many lanes make the cost of starting an operation
-// negligible, and so few keep the values of a graph in the cache.
-#define PM_MOST_LANES 64
-
 // A subsystem shows at its ports the state at which ports and bulk terms are evaluated, dE, dS and,
 // with an implicit method, the response of dE to a rate (model/prediction.h).
 typedef enum pm_shown {

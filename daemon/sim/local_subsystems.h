@@ -28,6 +28,11 @@
 #include "scene/system.h"
 #include "sim/tally.h"
 
+// The largest number of subsystems of a kind that are evaluated together, the lanes of a block. So
+// many lanes make the cost of starting an operation negligible, and so few keep the values of a
+// graph in the cache.
+#define PM_MOST_LANES 64
+
 typedef struct pm_local_subsystems pm_local_subsystems;
 
 // The numbers that one end of a port exposes at a stage. Each array has ny numbers and is borrowed.

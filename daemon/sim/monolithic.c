@@ -57,6 +57,24 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     m->stale = true;
 }
 
+void pm_monolithic_set_step(pm_monolithic *monolithic, long step) {
+    pm_local_subsystems_set_step(monolithic->subsystems, step);
+    monolithic->sample->step = step;
+    monolithic->sample->time = pm_scene_time(monolithic->system->scene, step);
+}
+
+void pm_monolithic_record(pm_monolithic *monolithic, pm_serializer *serializer) {
+    pm_step_controller *controller = &monolithic->controller;
+    pm_local_subsystems_record(monolithic->subsystems, serializer);
+    pm_serializer_put_int(serializer, "substeps", &controller->substeps);
+    pm_serializer_put(serializer, "expected error", &controller->expected, 1);
+    if (pm_serializer_restores(serializer)) {
+        monolithic->substeps = controller->substeps;
+        monolithic->stale = true;
+        pm_local_subsystems_set_substeps(monolithic->subsystems, controller->substeps);
+    }
+}
+
 pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     pm_monolithic *m = monolithic;
     while (!pm_local_subsystems_completes_step(m->subsystems)) {

@@ -22,6 +22,12 @@ void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
 // Starts a run at step 0 from the concatenated state z [scene->nz].
 void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z);
 
+// Lets a run that was just started begin at `step` instead of 0.
+void pm_monolithic_set_step(pm_monolithic *monolithic, long step);
+// Counts, saves or restores all numbers with which a run continues with the same bits. The first
+// ones are the state z of a scene whose subsystems have it in their order.
+void pm_monolithic_record(pm_monolithic *monolithic, pm_serializer *serializer);
+
 // Takes one step. Fails as pm_local_subsystems_end_step does; the step is then not taken.
 pm_status pm_monolithic_step(pm_monolithic *monolithic);
 // Keeps from now on what a step overwrites (local_subsystems.h). PM_ENOMEM.

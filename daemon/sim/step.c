@@ -598,6 +598,9 @@ static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_serializer *
         pm_serializer_put(serializer, "projected energy", &d->projection[lane].energy, 1);
         pm_serializer_put(serializer, "projected entropy", &d->projection[lane].entropy, 1);
     }
+    for (int i = 0; i < PM_MAX_GROUPS && d->length != NULL; ++i) {
+        pm_serializer_put(serializer, "length", &d->length[i * m->own_lanes + lane], 1);
+    }
     if (group->kind->serialize != NULL) {
         group->kind->serialize(group, serializer);
     }

@@ -303,7 +303,50 @@ class Fragments(unittest.TestCase):
             self.assertLessEqual(kept, 32 << 20)
 
 
+class Copies(unittest.TestCase):
+    def test_same_bits_as_a_scene(self):
+        scene = portmet.Scene("configs/driven_lower.yaml")
+        copies = portmet.Fleet(scene, 70, threads=2)
+        rng = numpy.random.default_rng(1)
+        copies.state[:] += 0.01 * rng.standard_normal(copies.state.shape)
+        inputs = numpy.where(rng.random(copies.inputs.shape) < 0.3, 0.1, numpy.nan)
+        start, view = copies.state.copy(), copies.state
+        copies.step(2, inputs).step(3)
+        self.assertIs(view, copies.state)
+        self.assertEqual(copies.failure, "")
+        for i in (0, 33, 69):
+            scene.inputs[:] = inputs[i]
+            scene.restart(start[i]).step(5)
+            self.assertEqual(scene.state.tobytes(), copies.state[i].tobytes())
+            self.assertEqual(scene.energy.tobytes(), copies.energy[i].tobytes())
+            self.assertEqual(scene.time, copies.time[i])
+        del copies, scene
+        self.assertTrue(numpy.isfinite(view).all())  # the array keeps the copies open
+
+    def test_ends_and_saved_copies(self):
+        copies = portmet.Fleet("configs/driven_lower.yaml", 3)
+        row = copies.save([1])
+        copies.inputs[2] = 1e200
+        copies.ended[0] = 1
+        copies.step(4)
+        self.assertEqual((list(copies.ended), list(copies.steps)), ([1, 0, 9], [0, 4, 0]))
+        self.assertRegex(copies.failure, "^copy 2: step 1: subsystem")
+        copies.restore(row)
+        self.assertEqual((list(copies.ended), list(copies.steps)), ([0, 0, 0], [0, 0, 0]))
+        for wrong in (lambda: portmet.Fleet("configs/driven_lower.yaml", 0), lambda: copies.step(-1),
+                      lambda: copies.set_input("nobody", 0)):
+            with self.assertRaises(portmet.Error):
+                wrong()
+
+
 class Pages(unittest.TestCase):
+    def test_copies_of_the_page(self):
+        with open("daemon/LIBRARY.md", encoding="utf-8") as page:
+            script = re.search(r"```python\n(.*?)```", page.read(), re.S)[1]
+        space = {}
+        exec(compile(script, "daemon/LIBRARY.md", "exec"), space)  # pylint: disable=exec-used
+        self.assertEqual((space["copies"].failure, list(set(space["copies"].steps))), ("", [15]))
+
     def test_script_of_the_page(self):
         with open("configs/README.md", encoding="utf-8") as page:
             script = re.search(r"```python\n(.*?)```", page.read(), re.S)[1]

@@ -10,6 +10,7 @@ updates them. daemon/LIBRARY.md has the details.
 """
 from ._library import Error, version
 from .files import Dataset, Recording, Weights
+from .fleet import Fleet
 from .listener import Listener
 from .plot import plot
 from .remote import Remote
@@ -17,5 +18,5 @@ from .scene import Part, Scene
 from .train import Fit, evaluate, fit, import_tables, propose
 
 __version__ = version()
-__all__ = ["Dataset", "Error", "Fit", "Listener", "Part", "Recording", "Remote", "Scene", "Weights",
+__all__ = ["Dataset", "Error", "Fit", "Fleet", "Listener", "Part", "Recording", "Remote", "Scene", "Weights",
            "evaluate", "fit", "import_tables", "plot", "propose", "version"]

@@ -64,6 +64,14 @@ def _load():
         "portmet_scene_inputs": (ctypes.c_void_p, [scene, size]),
         "portmet_scene_name": (text, [scene, ctypes.c_int, ctypes.c_size_t]),
         "portmet_scene_record": (ctypes.c_int, [scene, text]),
+        "portmet_fleet_open": (ctypes.c_int, [ctypes.POINTER(scene), scene, ctypes.c_int64, ctypes.c_int]),
+        "portmet_fleet_close": (None, [scene]),
+        "portmet_fleet_step": (ctypes.c_int, [scene, ctypes.c_int64]),
+        "portmet_fleet_array": (ctypes.c_void_p, [scene, ctypes.c_int]),
+        "portmet_fleet_failure": (text, [scene]),
+        "portmet_fleet_row": (ctypes.c_size_t, [scene]),
+        "portmet_fleet_save": (ctypes.c_int, [scene, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]),
+        "portmet_fleet_restore": (ctypes.c_int, [scene, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, name)

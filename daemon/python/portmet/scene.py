@@ -19,13 +19,13 @@ class _Handle:
     def __del__(self):
         c.library.portmet_scene_close(self.pointer)
 
-    def array(self, address, size, writable=False):
+    def array(self, address, size, writable=False, kind=float):
         """Returns the `size` numbers at `address` as a numpy array that keeps the scene open."""
         if not address:
             return numpy.empty(0)
-        memory = (ctypes.c_double * size).from_address(address)
+        memory = (numpy.ctypeslib.as_ctypes_type(kind) * size).from_address(address)
         memory.handle = self
-        array = numpy.frombuffer(memory)
+        array = numpy.frombuffer(memory, kind)
         array.flags.writeable = writable
         return array
 
@@ -187,13 +187,14 @@ class Scene:
     def set_input(self, name, value):
         """Prescribes the input of this name (input_names), or all components of a group ("hand.f"),
         from the next step on. NaN gives it back to the scene."""
-        if name in self.input_names:
-            self.inputs[self.input_names.index(name)] = value
-            return
-        chosen = [i for i, n in enumerate(self.input_names) if n.rpartition("[")[0] == name]
+        self.inputs[self.input_columns(name)] = value
+
+    def input_columns(self, name):
+        """Returns the positions in `inputs` of the input of this name, or of a group's components."""
+        chosen = [i for i, n in enumerate(self.input_names) if name in (n, n.rpartition("[")[0])]
         if not chosen:
             raise c.UnknownName(f"scene {self.name} has no input {name}")
-        self.inputs[chosen] = value
+        return chosen
 
     def record(self, path):
         """Records this state and every later one in an HDF5 file; None ends the recording."""
