@@ -28,11 +28,13 @@ typedef struct pm_run_options {
     const char *budget;            // s, of a study
     const char *error;             // %, that advice is for
     const char *write;             // file of a scene
+    const char *starts;            // dataset of the states in which copies start
     const char *picture;           // name of a picture, without its ending
     int64_t seed;                  // of random starts
     int64_t steps;                 // number of steps of the run; 0: as the scene says
     int64_t session;   // number of the session to join or to open; 0: no session was given
     int64_t port, udp; // numbers of ports; 0: not given
+    int64_t copies;    // of the scene; 0: a run of one, or as many as `starts` has
     bool in_process, quiet, overwrite;
     bool stays;               // a node serves one run after another
     bool elsewhere;           // nobody launches the nodes here
@@ -50,7 +52,7 @@ enum {
     PM_OPTION_RECORD = 1 << 1,
     PM_OPTION_WEIGHTS = 1 << 2,
     PM_OPTION_URL = 1 << 3,
-    PM_OPTION_IN_PROCESS = 1 << 4,
+    PM_OPTION_IN_PROCESS = 1 << 4, // --in-process, --copies, --starts
     PM_OPTION_QUIET = 1 << 5,
     PM_OPTION_SESSION = 1 << 6,
     PM_OPTION_CHECKPOINT = 1 << 7,

@@ -20,6 +20,7 @@
 #include "app/serve.h"
 #include "app/supervise.h"
 #include "base/options.h"
+#include "library/fleet.h"
 #include "library/local_run.h"
 #include "library/names.h"
 #include "lockstep/control.h"
@@ -251,6 +252,149 @@ done:
     return status;
 }
 
+// --- copies ---
+
+// Gives every copy the first state of a trajectory.
+static pm_status start_copies(pm_fleet *fleet, pm_setup *setup, const pm_dataset *starts,
+                              const char *path) {
+    pm_columns columns;
+    if (starts->ntrajectory < fleet->count) {
+        return pm_fail(PM_EDATA, "%s: %d trajectories, and %" PRId64 " copies need one each", path,
+                       starts->ntrajectory, fleet->count);
+    }
+    PM_TRY(pm_system_check_dataset(setup->system, starts, path));
+    PM_TRY(pm_columns_bind(&columns, setup->scene, starts, &setup->arena));
+    for (int i = 0; i < fleet->count; ++i) {
+        pm_columns_to_state(&columns, pm_dataset_state(starts, i, 0),
+                            fleet->z + (ptrdiff_t)i * columns.nz);
+    }
+    return PM_OK;
+}
+
+// Makes a dataset with the scene's columns, or without them with the names of the variables.
+// columns->column is then NULL.
+static pm_status open_trajectories(pm_dataset **to, pm_columns *columns, pm_setup *setup,
+                                   const pm_scene_variables *names, int64_t count, int ntime) {
+    const pm_physics *physics = &setup->scene->physics;
+    const char **name = pm_arena_array(&setup->arena, (size_t)physics->nz, sizeof(const char *));
+    PM_TRY(pm_arena_status(&setup->arena, "trajectories"));
+    bool mapped = true;
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        mapped = mapped && physics->subsystem[i].column != NULL;
+    }
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        for (int c = 0; c < physics->subsystem[i].layout.nz; ++c) {
+            const int at = physics->subsystem[i].first + c;
+            name[at] = mapped ? physics->subsystem[i].column[c] : names->state.name[at];
+        }
+    }
+    PM_TRY(pm_dataset_new(to, (int)count, ntime, physics->nz,
+                          physics->dt * setup->scene->run.record_every, name));
+    *columns = (pm_columns){0};
+    return mapped ? pm_columns_bind(columns, setup->scene, *to, &setup->arena) : PM_OK;
+}
+
+// Writes the present states as sample j. The trajectories of copies that have ended are over.
+static void take_sample(const pm_fleet *fleet, const pm_columns *columns, pm_dataset *to, int j) {
+    for (int i = 0; i < fleet->count; ++i) {
+        double *row = pm_dataset_state(to, i, j);
+        const double *z = fleet->z + (ptrdiff_t)i * to->ncolumn;
+        for (int c = 0; c < to->ncolumn; ++c) {
+            row[c] = fleet->ended[i] != 0 ? NAN : z[c];
+        }
+        if (columns->column != NULL && fleet->ended[i] == 0) {
+            pm_columns_to_row(columns, z, row);
+        }
+    }
+}
+
+// Prints what the copies that have not ended are like.
+static void print_copies(const pm_fleet *fleet, const pm_scene_variables *names, double seconds) {
+    const pm_scene *scene = fleet->setup->scene;
+    const int nz = scene->physics.nz;
+    int64_t ended = 0;
+    for (int i = 0; i < fleet->count; ++i) {
+        ended += fleet->ended[i] != 0;
+    }
+    printf("%s: %d steps of %g s of %" PRId64 " copies, %" PRId64 " of which ended early\n",
+           scene->name, scene->run.steps, scene->physics.dt, fleet->count, ended);
+    printf("\n%-24s %15s %15s %15s %15s\n", "At the end", "mean", "deviation", "least", "largest");
+    for (int k = 0; k < nz && k < PM_SCENE_LISTED && ended < fleet->count; ++k) {
+        const double count = (double)(fleet->count - ended);
+        double sum = 0, square = 0, least = INFINITY, largest = -INFINITY;
+        for (int pass = 0; pass < 2; ++pass) {
+            for (int i = 0; i < fleet->count; ++i) {
+                const double x = fleet->z[(ptrdiff_t)i * nz + k];
+                if (fleet->ended[i] == 0 && pass == 0) {
+                    sum += x;
+                    least = fmin(least, x);
+                    largest = fmax(largest, x);
+                } else if (fleet->ended[i] == 0) {
+                    square += (x - sum / count) * (x - sum / count);
+                }
+            }
+        }
+        printf("  %-14s %-7s %+15.6e %15.6e %+15.6e %+15.6e\n", names->state.name[k],
+               names->state.unit[k], sum / count, sqrt(square / count), least, largest);
+    }
+    printf("\nSpeed: %.3g s, %.3g us for a step of a copy\n", seconds,
+           1e6 * seconds / (double)(scene->run.steps < 1 ? 1 : scene->run.steps) /
+               (double)fleet->count);
+}
+
+static pm_status run_copies(pm_setup *setup, const pm_run_options *options) {
+    const pm_scene *scene = setup->scene;
+    const int every = scene->run.record_every;
+    pm_fleet fleet = {0};
+    pm_dataset *starts = NULL, *to = NULL;
+    pm_scene_variables names;
+    pm_columns columns;
+    char why[sizeof fleet.why] = "";
+    pm_status status;
+    if (options->checkpoint != NULL || options->gate != NULL || options->replay != NULL ||
+        scene->network.nlive > 0) {
+        return pm_fail(PM_EUSAGE, "run: --copies and --starts go with --steps, --weights, --record "
+                                  "and --overwrite, and with scenes without live inputs");
+    }
+    PM_TRY_DONE(pm_scene_variable_names(&names, scene, &setup->arena));
+    if (options->starts != NULL) {
+        PM_TRY_DONE(pm_dataset_load(&starts, options->starts));
+        PM_TRY_DONE(pm_columns_convert(scene, starts));
+    }
+    const int64_t count = options->copies > 0 ? options->copies : starts->ntrajectory;
+    PM_TRY_DONE(pm_fleet_open(&fleet, setup, count, 0));
+    PM_TRY_DONE(starts == NULL ? PM_OK : start_copies(&fleet, setup, starts, options->starts));
+    if (options->record != NULL) {
+        PM_TRY_DONE(pm_recording_check(options->record, options->overwrite));
+        PM_TRY_DONE(
+            open_trajectories(&to, &columns, setup, &names, count, scene->run.steps / every + 1));
+        take_sample(&fleet, &columns, to, 0);
+    }
+    const double begin = pm_clock();
+    for (int step = 0, next; step < scene->run.steps; step = next) {
+        next = step + every < scene->run.steps ? step + every : scene->run.steps;
+        if (*options->stop) {
+            status = pm_fail(PM_EINTERRUPTED, "interrupted");
+            goto done;
+        }
+        pm_fleet_step(&fleet, next - step);
+        memcpy(why, why[0] == '\0' ? fleet.why : why, sizeof why);
+        if (to != NULL && next % every == 0) {
+            take_sample(&fleet, &columns, to, next / every);
+        }
+    }
+    if (!options->quiet) {
+        print_copies(&fleet, &names, pm_clock() - begin);
+        printf(why[0] == '\0' ? "%s" : "  the first copy that ended is %s\n", why);
+    }
+    status = to == NULL ? PM_OK : pm_dataset_save(to, options->record);
+done:
+    pm_dataset_free(starts);
+    pm_dataset_free(to);
+    pm_fleet_close(&fleet);
+    return status;
+}
+
 // --- as one rank of a job of mpirun ---
 
 // Rank 0 coordinates, and rank i + 1 serves process i of the scene. Rank 0 alone describes the
@@ -299,6 +443,10 @@ static pm_status execute_run(const pm_run_options *options) {
                                   "not for --in-process");
     }
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_COORDINATE));
+    if (options->copies > 0 || options->starts != NULL) {
+        status = run_copies(&setup, options);
+        goto done;
+    }
     const char *url = pm_connect_url(setup.scene, options->url);
     if (!options->in_process && pm_transport_has_ranks(url)) {
         status = run_rank(&setup, options, url);
@@ -327,7 +475,10 @@ const pm_command pm_command_run = {
         "processes and prints the tables of the steps done so far. With --checkpoint a process\n"
         "that is killed starts again and goes on, and the result has the same bits. If the whole\n"
         "run is interrupted, the same command continues it. With --url mpi:// the processes are\n"
-        "the ranks of `mpirun -n N portmetd run ...`, one more than the scene has processes.",
+        "the ranks of `mpirun -n N portmetd run ...`, one more than the scene has processes.\n"
+        "With --copies or --starts it runs many copies of the scene in this process, on all\n"
+        "processors, and prints what they are like in the end; --record then writes their\n"
+        "trajectories as a dataset.",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,

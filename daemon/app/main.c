@@ -17,12 +17,12 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 42, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 44, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
     pm_run_options run;
-    const char *steps, *session, *log, *port, *udp, *seed;
+    const char *steps, *session, *log, *port, *udp, *seed, *copies;
 } given_options;
 
 static pm_option text_option(const char *name, const char *value, const char **text,
@@ -55,6 +55,12 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
          {.name = "--in-process",
           .on = &run->in_process,
           .help = "all subsystems in this process, without LCM"}},
+        {PM_OPTION_IN_PROCESS,
+         text_option("--copies", "N", &given->copies,
+                     "run N copies of the scene in this process, and compare their ends")},
+        {PM_OPTION_IN_PROCESS,
+         text_option("--starts", "FILE", &run->starts,
+                     "start each copy in the first state of a trajectory of FILE (HDF5)")},
         {PM_OPTION_SESSION,
          text_option("--session", "NUMBER", &given->session,
                      "number of the run, where several of this scene share a network")},
@@ -184,6 +190,7 @@ static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *sto
                  {"--session", given.session, INT64_MAX, &run->session},
                  {"--port", given.port, MOST_PORT, &run->port},
                  {"--udp", given.udp, MOST_PORT, &run->udp},
+                 {"--copies", given.copies, INT_MAX, &run->copies},
                  {"--seed", given.seed, INT_MAX, &run->seed}};
     for (size_t i = 0; i < sizeof count / sizeof count[0]; ++i) {
         if (count[i].text != NULL) {

@@ -95,6 +95,7 @@ pm_status pm_fleet_open(pm_fleet *fleet, const pm_setup *setup, int64_t count, i
         fleet->record = pm_arena_array(&fleet->arena, n * (size_t)counter.count, sizeof(double));
         PM_TRY(pm_arena_status(&fleet->arena, "%lld copies", (long long)count));
     }
+    fleet->row = physics->nz + 2 + fleet->nrecord; // the steps, and whether it has ended
     for (size_t i = 0; i < n; ++i) {
         memcpy(fleet->z + i * nz, setup->initial, nz * sizeof *fleet->z);
         for (int k = 0; k < fleet->nrecord; ++k) {
@@ -246,13 +247,9 @@ void pm_fleet_step(pm_fleet *fleet, int64_t steps) {
 
 // --- saved copies ---
 
-int pm_fleet_row(const pm_fleet *fleet) {
-    return fleet->setup->scene->physics.nz + 2 + fleet->nrecord;
-}
-
 pm_status pm_fleet_copy(pm_fleet *fleet, bool restore, int64_t n, const int64_t *copy,
                         double *rows) {
-    const int nz = fleet->setup->scene->physics.nz, size = pm_fleet_row(fleet);
+    const int nz = fleet->setup->scene->physics.nz, size = fleet->row;
     for (int64_t i = 0; i < n; ++i) {
         const int64_t at = copy == NULL ? i : copy[i];
         if (at < 0 || at >= fleet->count) {

@@ -30,6 +30,7 @@ typedef struct pm_fleet {
     int *ended;               // [count] 0: the copy takes steps; else the status that ended it,
                               // or any number by which the caller lets it rest
     char why[512]; // of the last call: which of the copies that ended is the first, and its failure
+    int row;       // numbers of a saved copy
     // The rest belongs to the fleet.
     pm_arena arena;
     int lanes;      // copies that are stepped together

@@ -460,7 +460,7 @@ const char *portmet_fleet_failure(const portmet_fleet *fleet) {
 }
 
 size_t portmet_fleet_row(const portmet_fleet *fleet) {
-    return (size_t)pm_fleet_row(&fleet->fleet);
+    return (size_t)fleet->fleet.row;
 }
 
 int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows) {

@@ -191,7 +191,7 @@ static void saved_copies_go_on(void **state) {
         open_fleet(&fleet, &setup, 20, 2);
         pm_fleet_step(&fleet, 2);
         const int64_t chosen[] = {3, 19}, other[] = {3, 20};
-        double *rows = calloc(2 * (size_t)pm_fleet_row(&fleet), sizeof *rows);
+        double *rows = calloc(2 * (size_t)fleet.row, sizeof *rows);
         assert_non_null(rows);
         assert_int_equal(pm_fleet_copy(&fleet, false, 2, other, rows), PM_EUSAGE);
         assert_int_equal(pm_fleet_copy(&fleet, false, 2, chosen, rows), PM_OK);

@@ -173,6 +173,13 @@ if command -v h5ls > /dev/null; then
 fi
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
+succeed "of 1 copies, 0 of which" run "$scene" --starts "$folder/reference.h5" --steps 4 --record "$folder/copies.h5"
+succeed "left.q[0]" run "$scene" --copies 1 --starts "$folder/copies.h5" --steps 2
+succeed "of 70 copies, 0 of which" run "$scene" --copies 70 --steps 2
+expect 5 "trajectories, and 9 copies" run "$scene" --copies 9 --starts "$folder/reference.h5"
+expect 4 "copies.h5" run "$scene" --copies 2 --record "$folder/copies.h5"
+expect 2 "--copies" run "$scene" --copies 2 --gate "$folder/gate"
+expect 2 "--copies" run "$scene" --copies 0
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
 
 # An integrator that promises to keep the energy, and cannot, since the springs are a hundred times too hot for its step:
