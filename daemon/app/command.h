@@ -86,6 +86,7 @@ typedef struct pm_command {
     const char *summary;   // half a line
     const char *arguments; // positional, "SCENE" or "SCENE NAME"
     const char *help;      // paragraphs
+    const char *examples;  // commands, one a line
     unsigned accepts;      // PM_OPTION_... combined
     // Returns PM_EINTERRUPTED soon after *options->stop becomes non-zero.
     pm_status (*execute)(const pm_run_options *options);

@@ -437,6 +437,8 @@ const pm_command pm_command_bench = {
         "The last line is the fastest setting for the error asked for; --write writes a scene "
         "with\n"
         "it. The same --seed takes the same starts. Exit code 14: no setting reaches that error.",
+    .examples = "portmetd bench configs/double_pendulum.yaml\n"
+                "portmetd bench scene.yaml --error 1 --write faster.yaml",
     .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY | PM_OPTION_ERROR,
     .execute = execute,
 };

@@ -495,6 +495,7 @@ const pm_command pm_command_check = {
         "the LCM channels. A scene without an initial state is described too, though it cannot "
         "run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
+    .examples = "portmetd check configs/double_pendulum.yaml",
     .accepts = PM_OPTION_WEIGHTS,
     .execute = execute,
 };

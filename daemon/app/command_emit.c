@@ -295,6 +295,9 @@ const pm_command pm_command_emit = {
         "deputy of each process. All hosts need portmetd, and the scene with its files under "
         "the\n"
         "path that it has here.",
+    .examples =
+        "portmetd emit systemd scene.yaml --hosts a,b -o units\n"
+        "portmetd emit procman scene.yaml --hosts upper=a,lower=b,coordinator=a -o scene.pmd",
     .accepts = PM_OPTION_HOSTS | PM_OPTION_FILES | PM_OPTION_STEPS | PM_OPTION_RECORD |
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,

@@ -51,6 +51,8 @@ const pm_command pm_command_export = {
         "Exchange and Co-Simulation (FMI 3.0, or 2.0 with --fmi 2). Both step with the bits of\n"
         "`portmetd run --in-process`. Boundary inputs become inputs that hold over a step. The\n"
         "integrator must be an explicit one with fixed substeps.",
+    .examples = "portmetd export configs/analytic_double_pendulum.yaml --c pendulum\n"
+                "portmetd export configs/analytic_double_pendulum.yaml -o pendulum.fmu",
     .accepts = PM_OPTION_C | PM_OPTION_OUTPUT | PM_OPTION_WEIGHTS | PM_OPTION_QUIET,
     .execute = execute,
 };

@@ -479,6 +479,9 @@ const pm_command pm_command_run = {
         "With --copies or --starts it runs many copies of the scene in this process, on all\n"
         "processors, and prints what they are like in the end; --record then writes their\n"
         "trajectories as a dataset.",
+    .examples = "portmetd run configs/double_pendulum.yaml --record run.h5\n"
+                "portmetd run configs/chain_10.yaml --in-process --steps 100\n"
+                "portmetd run configs/double_pendulum.yaml --copies 1000 --record copies.h5",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
@@ -701,6 +704,7 @@ const pm_command pm_command_serve = {
         "two runs. With --record clients may record runs, in that\n"
         "folder. With --checkpoint a process that is killed within a run goes on; without, the\n"
         "run fails and the next one can be started.",
+    .examples = "portmetd serve configs/double_pendulum.yaml --record recordings",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
                PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE,
     .execute = execute_serve,

@@ -124,6 +124,7 @@ const pm_command pm_command_node = {
             "`portmetd serve --elsewhere`.\n\n"
             "If all of them have --checkpoint, one that was killed goes on when the same command\n"
             "starts it again within the scene's `patience`.",
+    .examples = "portmetd node configs/double_pendulum.yaml upper",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
                PM_OPTION_LOG | PM_OPTION_STAYS,
     .execute = execute_node,
@@ -150,6 +151,7 @@ const pm_command pm_command_coordinator = {
         "initial\n"
         "state are refused by name. With --checkpoint it continues after a kill; remove\n"
         "the files in the folder when all processes have ended well.",
+    .examples = "portmetd coordinator configs/double_pendulum.yaml --record run.h5",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY | PM_OPTION_OVERWRITE |
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
                PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,

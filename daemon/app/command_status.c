@@ -159,6 +159,7 @@ const pm_command pm_command_status = {
         "messages that it requests and sends again per second, the messages that it has dropped,\n"
         "the age of its checkpoint, and its memory. The coordinator prints the same table when it\n"
         "receives SIGUSR1.",
+    .examples = "portmetd status configs/double_pendulum.yaml",
     .accepts = PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,
 };

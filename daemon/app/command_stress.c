@@ -346,6 +346,8 @@ const pm_command pm_command_stress = {
         "same\n"
         "--seed takes the same starts. Exit code 14: the scene's own settings did not hold within\n"
         "the training range.",
+    .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
+                "portmetd stress scene.yaml --write broken.yaml",
     .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY,
     .execute = execute,
 };

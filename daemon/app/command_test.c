@@ -717,6 +717,8 @@ const pm_command pm_command_test = {
         "a\n"
         "private network, which root may make, or anybody where user namespaces are allowed. With\n"
         "--other the last process reads other weights, as if its host had a copy of its own.",
+    .examples = "portmetd test configs/double_pendulum.yaml\n"
+                "portmetd test scene.yaml --here --steps 20",
     .accepts =
         PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_REPLAY | PM_OPTION_TEST,
     .execute = execute,

@@ -792,6 +792,8 @@ const pm_command pm_command_view = {
         "the scene it hears, one after the other, and cannot change any. With --recording it "
         "shows\n"
         "a recording. It ends when it is interrupted.",
+    .examples = "portmetd view configs/chain_10.yaml --port 8080\n"
+                "portmetd view configs/chain_10.yaml --recording run.h5",
     .accepts = PM_OPTION_PORT | PM_OPTION_BIND | PM_OPTION_UDP | PM_OPTION_RECORDING |
                PM_OPTION_URL | PM_OPTION_SESSION,
     .execute = execute,

@@ -172,6 +172,7 @@ static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *sto
     const pm_options options = {
         .usage = usage,
         .summary = command->help,
+        .examples = command->examples,
         .positional_name = command->arguments,
         .positional = positional,
         .count = list_options(command->accepts, &given, table),
@@ -214,8 +215,8 @@ int main(int argc, char **argv) {
     const pm_subcommands program = {
         .program = "portmetd",
         .about = "Serves learned thermodynamic subsystems over LCM: one process per subsystem, "
-                 "energy and\nentropy fluxes between neighbours. By construction energy is "
-                 "conserved and entropy\nnever falls.",
+                 "energy and\nentropy fluxes between neighbours. Models of the default form "
+                 "conserve energy, and\ntheir entropy never falls, whatever their weights are.",
         .codes = "0 success, 2 command line, 3 scene, 4 file, 5 dataset, 6 weights,\n"
                  "7 transport, 8 silent peer, 9 non-finite value, 10 law violated, 11 memory,\n"
                  "12 interrupted, 14 a scene under study has not held.",

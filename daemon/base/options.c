@@ -94,6 +94,11 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
             print_option(o->brief, o->name, o->value, o->help);
         }
         print_option("-h", "--help", NULL, "print this and exit");
+        for (const char *line = options->examples; line != NULL; line = strchr(line, '\n')) {
+            line += *line == '\n';
+            printf("%s  %.*s\n", line == options->examples ? "\nExamples:\n" : "",
+                   (int)strcspn(line, "\n"), line);
+        }
         printf("\nA value may also follow an equals sign, as in --name=value. Arguments after -- "
                "are not\noptions.\n");
         *helped = true;

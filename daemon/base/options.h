@@ -29,6 +29,7 @@ typedef struct pm_words {
 typedef struct pm_options {
     const char *usage;           // such as "portmet-train truth CONFIG -o FILE [options]"
     const char *summary;         // paragraphs for the help
+    const char *examples;        // commands for the help, one a line; NULL: none
     const char *positional_name; // names of the positional arguments, such as "SCENE NAME"
     const char **positional;     // receives the arguments; NULL before reading
     // Bounds of the number of arguments; both 0: as many arguments as positional_name has names;

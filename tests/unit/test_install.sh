@@ -16,6 +16,19 @@ for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/m
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
+# The help of each command has examples, whose options the command knows; the manual page is made of them.
+for program in portmetd portmet-train; do
+    for command in $("$prefix/bin/$program" --help | sed -nE 's/^  ([a-z]+) .*/\1/p'); do
+        "$prefix/bin/$program" "$command" --help >"$folder/help"
+        sed -n '/^Examples:$/,/^$/p' "$folder/help" >"$folder/examples"
+        grep -q "^  $program $command " "$folder/examples" || fail "$program $command --help has no example"
+        for option in $(grep -oE ' --?[a-z-]+' "$folder/examples"); do
+            grep -qE "^ +(-[a-z], )?$option |^ +$option," "$folder/help" || fail "$program $command: the example's $option"
+        done
+        tr -d '\\' <"$prefix/share/man/man1/$program.1" | grep -q "^.SS $program $command " || fail "$program.1 lacks $command"
+    done
+done
+
 # The units name the program where the build was configured to install it.
 if command -v systemd-analyze >/dev/null; then
     for unit in portmet-node portmet-coordinator portmetd; do

@@ -34,7 +34,7 @@ grep -q 'include/' "$folder/portmet.list" && fail "portmet has headers"
 dpkg-deb -x "$portmet" "$folder/root"
 "$folder/root/usr/bin/portmetd" run "$folder/root/usr/share/portmet/configs/double_pendulum.yaml" --in-process \
     --steps 3 --quiet || fail "the packaged program does not run"
-for page in "$folder"/root/usr/share/man/man5/*.gz; do
+for page in "$folder"/root/usr/share/man/man[15]/*.gz; do
     warnings=$(man --warnings -l "$page" 2>&1 >/dev/null)
     [ -z "$warnings" ] || fail "$page: $warnings"
 done

@@ -183,6 +183,10 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
             "of the power through each port and of the energy and entropy of each subsystem, and\n"
             "how well energy was conserved and entropy kept from falling. The exit code is 10 if\n"
             "a component that keeps a law by construction violates it.",
+        .examples =
+            "portmet-train evaluate cart/scene.yaml --weights cart/weights --data test_*.csv\n"
+            "portmet-train evaluate configs/double_pendulum.yaml --data pendula.h5 --trajectories "
+            "40:50",
         .positional_name = "SCENE",
         .positional = &a.scene,
         .count = sizeof table / sizeof *table,

@@ -179,6 +179,9 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
             "or worse than persistence, a state that stays as it is. `mpirun -n N portmet-train "
             "fit`\n"
             "trains with 1, 2, 4 or 8 processes, which give the same weights.",
+        .examples =
+            "portmet-train fit cart/training.yaml -o cart/weights\n"
+            "portmet-train fit configs/train/double_pendulum.yaml --data pendula.h5 -o weights",
         .positional_name = "CONFIG",
         .positional = &a.config,
         .count = sizeof option / sizeof *option,

@@ -45,6 +45,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
             "not be even; of rows with the same time the first one counts. In MATLAB files,\n"
             "vectors and matrices are columns, also in structs, and the elements of an array of\n"
             "structs are runs. Python reads the files: python3-h5py, for MATLAB python3-scipy.",
+        .examples = "portmet-train import run_1.csv run_2.csv -o runs.h5",
         .positional_name = "TABLE",
         .positional = file,
         .least = -1,

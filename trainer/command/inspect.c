@@ -137,6 +137,7 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
         .summary =
             "Describes measurements, a dataset or tables (see import --help): the times and their\n"
             "gaps, and for each column its unit, samples, range and noise.",
+        .examples = "portmet-train inspect runs.h5",
         .positional_name = "FILE",
         .positional = file,
         .least = 1,

@@ -176,6 +176,7 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
             "are simulated with quasi-static finite elements, and their balance of energy is\n"
             "printed. Each body is written to a file of its own, with its name before the ending\n"
             "of FILE, and an XDMF file beside it, which ParaView opens.",
+        .examples = "portmet-train truth configs/truth/double_pendulum.yaml -o pendula.h5",
         .positional_name = "CONFIG",
         .positional = &a.config,
         .count = sizeof table / sizeof *table,

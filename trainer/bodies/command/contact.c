@@ -166,6 +166,8 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
             "g + creep + u slope_u + v slope_v, where g, u, v and the slopes are derived "
             "variables,\n"
             "linear in the travel. Sliding is assumed to be small.",
+        .examples = "portmet-train contact configs/truth/crossed_beams.yaml --basis "
+                    "configs/weights/beam/basis.h5 --stiffness 1e6 -o contact",
         .positional_name = "CONFIG",
         .positional = &a.configuration,
         .count = sizeof table / sizeof *table,

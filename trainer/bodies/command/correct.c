@@ -25,6 +25,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
             "Adds to the fields of a simulation their discrepancy from better known fields under\n"
             "the same loads. For a load between two known ones that differ in x alone, the\n"
             "discrepancy is interpolated. The result has the node numbers of the known fields.",
+        .examples = "portmet-train correct simulated.h5 --by known.h5 -o corrected.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
         .count = sizeof table / sizeof *table,

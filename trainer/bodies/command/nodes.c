@@ -29,6 +29,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
         .summary = "Writes the fields of a body as trajectories of the values at its nodes,\n"
                    "a dataset for `evaluate`, and the mesh, which a scene with a solid names.\n"
                    "`reconstruct` turns nodal values into fields again.",
+        .examples = "portmet-train nodes fields.h5 --mesh mesh.h5 -o nodes.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
         .count = sizeof table / sizeof *table,

@@ -40,6 +40,7 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
             "Draws the deformed surfaces of bodies, coloured by von Mises stress, with gnuplot.\n"
             "FIELD is a file of nodal fields, such as `truth` writes for bodies on a mesh. Bodies\n"
             "whose files contain a placement are drawn in one scene, others in panels.",
+        .examples = "portmet-train picture true.h5 learned.h5 --time 0.85 -o bodies.png",
         .positional_name = "FIELD",
         .positional = a.path,
         .most = MOST_FIELDS,

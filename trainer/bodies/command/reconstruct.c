@@ -174,6 +174,8 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
             "stresses are compared on the free nodes. Modes need the option --basis. Nodal values\n"
             "need the option --truth, which describes the body, and as many states as the truth\n"
             "has.",
+        .examples =
+            "portmet-train reconstruct predicted.h5 --basis reduced/basis.h5 --truth beam.h5",
         .positional_name = "DATASET",
         .positional = &a.dataset,
         .count = sizeof table / sizeof *table,

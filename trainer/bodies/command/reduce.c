@@ -86,6 +86,7 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
             "their\n"
             "amplitudes: a dataset for `fit` and `evaluate`. `reconstruct` turns amplitudes into\n"
             "fields again.",
+        .examples = "portmet-train reduce configs/modes/beam.yaml --data beam.h5 -o reduced",
         .positional_name = "CONFIG",
         .positional = &a.configuration,
         .count = sizeof table / sizeof *table,

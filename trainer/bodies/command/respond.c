@@ -181,6 +181,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
             "and\n"
             "compares its displacements, stresses and energies with FIELDS. Checks both laws in\n"
             "every step.",
+        .examples = "portmet-train respond fields.h5 --weights material.h5 -o learned.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
         .count = sizeof table / sizeof *table,

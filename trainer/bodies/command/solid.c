@@ -57,6 +57,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
             "Learns the material of bodies from their fields: displacements, stresses, forces,\n"
             "stored and dissipated energies. The material then serves bodies of any shape, on any\n"
             "mesh of bricks. FIELD is a file such as `truth` writes for bodies on a mesh.",
+        .examples = "portmet-train solid small_beam.h5 -o material.h5",
         .positional_name = "FIELD",
         .positional = a.path,
         .most = MOST_FIELDS,

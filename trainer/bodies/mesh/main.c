@@ -2,6 +2,7 @@
 // It is a program of its own, because the library of Gmsh takes longer to load than most commands
 // of portmet-train take.
 #include <stdio.h>
+#include <string.h>
 
 #include "base/options.h"
 #include "base/subcommand.h"
@@ -24,6 +25,7 @@ static pm_status run(int argc, char **argv) {
             "Reads a mesh of hexahedra from any FILE that Gmsh reads, such as .msh, .unv, .vtk or\n"
             ".bdf, or meshes a geometry such as .geo or .step. Lengths are in m. Scenes and truth\n"
             "files take MESH as `mesh:`.",
+        .examples = "portmet-mesh configs/meshes/l_body.geo -o l_mesh.h5",
         .positional_name = "FILE",
         .positional = &input,
         .count = sizeof table / sizeof *table,
@@ -54,6 +56,10 @@ static pm_status run(int argc, char **argv) {
 }
 
 int main(int argc, char **argv) {
+    if (argc == 2 && strcmp(argv[1], "--version") == 0) {
+        printf("portmet-mesh %s\n", PM_VERSION);
+        return pm_subcommand_end("portmet-mesh", PM_OK);
+    }
     char name[] = "command line"; // in messages, where other programs have a subcommand
     argv[0] = name;
     return pm_subcommand_end("portmet-mesh", run(argc, argv));
