@@ -1,5 +1,6 @@
 // The ports of one process: a law is evaluated for a block of ports in one run, for both ends.
 #include <assert.h>
+#include <math.h>
 #include <string.h>
 
 #include "sim/engine.h"
@@ -9,7 +10,8 @@
 // Computes the values of all boundary inputs after a share (0 to 1) of the substep.
 static void prescribe_at(const pm_data *d, double share, double *value) {
     assert(d->boundary_input != NULL);
-    pm_boundary_input_at(d->boundary_input, d->step, (d->substep + share) / d->substeps, value);
+    pm_boundary_input_at(d->boundary_input, d->step,
+                         (d->substep + ldexp(d->piece + share, -d->halvings)) / d->substeps, value);
 }
 
 // Lets the ghosts of all boundary inputs show d->prescribed: the state, dE and dS.
@@ -178,7 +180,7 @@ static void add_block(const pm_data *d, const pm_port_group *group, int block, d
 
 void pm_couple(const pm_model *m, pm_data *d, double weight) {
     double *k = pm_stage_rates(m, d);
-    const bool first = d->substep == 0 && d->stage == 0;
+    const bool first = pm_is_first_round(d), books = first || weight != 0;
     bool prescribed = false; // the boundary inputs show the values of this stage
     // The subsystems at both ends of a port exchange what they know of the convergence of all.
     for (int i = 0; i < m->njoint && d->iteration != NULL; ++i) {
@@ -213,7 +215,7 @@ void pm_couple(const pm_model *m, pm_data *d, double weight) {
             run_block(m, d, group, block, end_rates_of >= 0);
             for (int e = 0; e < 2; ++e) {
                 const pm_port_group_end *end = &group->end[e];
-                if (end->law_rate != NULL) {
+                if (end->law_rate != NULL && books) {
                     const pm_lane_flux flux = pm_lane_flux_from(&d->flux[e], lane);
                     pm_lanes_book(end->ny, group->width, weight, first,
                                   end->law_e != NULL ? end->law_e : end->shown[PM_SHOWN_DE],

@@ -168,11 +168,15 @@ struct pm_model {
 
 struct pm_data {
     int substeps;       // of the present step
-    double h;           // s, length of a substep
+    double h;           // s, length of a substep, or of a piece of it
     int substep, stage; // of the present round
-    long step;          // steps completed in this run
-    bool doubtful;      // a check of the present step has found something
-    double *state[3];   // [size] each: memory for the states below
+    // A substep whose iteration does not converge is divided into 2^halvings pieces of h s; the
+    // present one is number `piece`.
+    int halvings, piece;
+    long step;        // steps completed in this run
+    bool doubtful;    // a check of the present step has found something
+    bool unsolved;    // the iteration of a piece of the present step has not converged
+    double *state[3]; // [size] each: memory for the states below
     // States after the last substep, at the present stage, and at the start of the step that was
     // begun last. Each is one of `state`; an explicit method lets two of them be the same.
     double *z, *stage_z, *safe_z;
@@ -291,6 +295,13 @@ struct pm_method {
 };
 const pm_method *pm_method_of(const pm_integrator *integrator);
 
+// A substep is halved no more often than this.
+#define PM_MOST_HALVINGS 6
+
+// Returns true in the first round of a step, in which the fluxes of the step begin at zero.
+static inline bool pm_is_first_round(const pm_data *d) {
+    return d->substep == 0 && d->piece == 0 && d->stage == 0;
+}
 // Returns the rates of the present stage [size].
 static inline double *pm_stage_rates(const pm_model *m, const pm_data *d) {
     return d->k + (d->iteration != NULL ? 0 : d->stage * m->size);

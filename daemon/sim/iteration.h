@@ -6,6 +6,12 @@
 // one round later. With a bound D on the distance between any two subsystems, bit D says of a
 // single round whether all had converged in it. It is therefore the same for all of them, and the
 // round after it was set is the last one.
+//
+// The last rounds that an iteration may have accept more: a change of PM_ITERATION_ACCEPTED, if it
+// leaves no energy open that counts beside the largest energy of a subsystem. The subsystems expose
+// the exponent of the largest energy that they know of, too. If bit D says then that not all have
+// converged, all of them give up in the same round. Where D is so large that the bits reach not all
+// of them in time, nobody gives up, and the ledger finds what is wrong (ledger.h).
 #ifndef PM_SIM_ITERATION_H
 #define PM_SIM_ITERATION_H
 
@@ -17,13 +23,20 @@
 // the limit of rounding the change may no longer fall; below ROUNDING that counts, too.
 #define PM_ITERATION_CONVERGED 1e-14
 #define PM_ITERATION_ROUNDING 1e-12
+// The change that is accepted in the last rounds. A group of variables that begins to move has a
+// length of nearly zero, and the rounding of a stiff neighbour may be so much of it.
+#define PM_ITERATION_ACCEPTED 1e-6
 
 // The caller owns this storage.
 typedef struct pm_iteration {
-    double change;  // of the last round; infinite before the first
-    uint64_t known; // the bits
-    uint64_t heard; // those that all neighbours have exposed in this round
-    bool last;      // the round that begins is the last one
+    double change;       // of the last round; infinite before the first
+    double start, taken; // J, energy at the start of the substep, and taken in by the last rates;
+                         // of the caller
+    uint64_t known;      // the bits
+    uint64_t heard;      // those that all neighbours have exposed in this round
+    uint64_t scale, heard_scale; // exponents of the largest energies; see iteration.c
+    bool last;                   // the round that begins is the last one
+    bool gave_up; // it is the last one although not all have converged, as all of them know
 } pm_iteration;
 
 // Begins the iteration of a substep.
@@ -34,9 +47,11 @@ static inline void pm_iteration_start(pm_iteration *iteration) {
 // Takes in what a neighbour has exposed in this round.
 void pm_iteration_hear(pm_iteration *iteration, uint64_t known);
 
-// Ends a round in which the iterate has changed by `change`. `diameter` bounds the distance between
-// any two subsystems; `left` is the number of rounds that may follow. Returns true if this round
-// was the last one; the caller then starts anew.
-bool pm_iteration_end_round(pm_iteration *iteration, double change, int diameter, int left);
+// Ends a round in which the iterate has changed by `change`. The iterate before left energy open:
+// it counts unless some subsystem has an energy of at least `open`, in J, at the start of the
+// substep. `diameter` bounds the distance between any two subsystems; `left` is the number of
+// rounds that may follow. Returns true if this round was the last one; the caller then starts anew.
+bool pm_iteration_end_round(pm_iteration *iteration, double change, double open, int diameter,
+                            int left);
 
 #endif

@@ -2,6 +2,7 @@
 // equation (1)); a graph with contact skips the evaluation while no pair of points can touch
 // (contact_broadphase.h); a solid balances forces (solid_dynamics.h); a gap beside a solid searches
 // for forces with which its bodies agree (contact_gap.h).
+#include <math.h>
 #include <string.h>
 
 #include "model/prediction.h"
@@ -39,11 +40,14 @@ static void count_resting(int lanes, const uint64_t *changed, long *rested) {
 static void book_heat(const pm_data *d, const pm_subsystem_group *group, double weight, int entropy,
                       double temperature) {
     const int64_t at = group->first + entropy, lane = group->first_lane;
-    const double production = weight * (d->stage_z[at] - d->z[at]) / d->h;
-    if (d->substep == 0 && d->stage == 0) {
+    if (pm_is_first_round(d)) {
         d->bulk.energy[lane] = d->bulk.entropy[lane] = 0;
         d->bulk.energy_gross[lane] = d->bulk.entropy_gross[lane] = 0;
     }
+    if (weight == 0) {
+        return;
+    }
+    const double production = weight * (d->stage_z[at] - d->z[at]) / d->h;
     d->bulk.entropy[lane] += production;
     d->bulk.entropy_gross[lane] += production;
     d->bulk.energy_gross[lane] += temperature * production;
@@ -232,7 +236,15 @@ static void expose_graph(const pm_model *m, pm_data *d, const pm_subsystem_group
         }
     }
     for (int i = PM_SHOWN_DE; i < PM_SHOWN_COUNT && d->shown[i] != NULL; ++i) {
-        show(d, group, block, (pm_shown)i, changed ? group->shown[i] : NULL);
+        const double *value = changed ? group->shown[i] : NULL;
+        if (i == PM_SHOWN_RESPONSE && value != NULL &&
+            d->halvings > 0) { // the graph is for a substep
+            for (int c = 0; c < size; ++c) {
+                d->scratch[c] = ldexp(value[c], -d->halvings);
+            }
+            value = d->scratch;
+        }
+        show(d, group, block, (pm_shown)i, value);
     }
     if (changed) {
         memcpy(d->E + lane, group->E, (size_t)width * sizeof *d->E);
@@ -280,9 +292,12 @@ static void bulk_graph(const pm_model *m, pm_data *d, const pm_subsystem_group *
     memcpy(k, rate, (size_t)size * sizeof *k);
     *kept = keeps || alone;
     const pm_lane_flux flux = pm_lane_flux_from(&d->bulk, lane);
-    pm_lanes_book(
-        group->nz, width, weight, d->substep == 0 && d->stage == 0, d->shown[PM_SHOWN_DE] + first,
-        group->shown[PM_SHOWN_DS] == NULL ? NULL : d->shown[PM_SHOWN_DS] + first, k, &flux);
+    const bool begins = pm_is_first_round(d);
+    if (begins || weight != 0) {
+        pm_lanes_book(group->nz, width, weight, begins, d->shown[PM_SHOWN_DE] + first,
+                      group->shown[PM_SHOWN_DS] == NULL ? NULL : d->shown[PM_SHOWN_DS] + first, k,
+                      &flux);
+    }
     const int left = group->count - block * width; // lanes without a subsystem stay where they are
     for (int c = 0; c < group->nz && left < width; ++c) {
         memset(k + (ptrdiff_t)c * width + left, 0, (size_t)(width - left) * sizeof *k);

@@ -278,23 +278,92 @@ static double iterate(const pm_model *m, pm_data *d, const pm_subsystem_group *g
     return group->kind->change == NULL ? change : group->kind->change(group, change);
 }
 
+// Returns by how much the energy of the present iterate differs from that at the start of the
+// substep and what the subsystem has taken in by the rates that made the iterate, in J.
+static double open_energy(const pm_data *d, const pm_subsystem_group *group, pm_iteration *it) {
+    const double E = d->E[group->first_lane];
+    const double *dE = d->shown[PM_SHOWN_DE] + group->first, *k = d->k + group->first;
+    if (d->stage == 0) {
+        it->start = E;
+        it->taken = 0;
+    }
+    const double open = fabs(E - it->start - it->taken);
+    it->taken = 0;
+    for (int c = 0; c < group->nz; ++c) {
+        it->taken += d->h * dE[c] * k[c];
+    }
+    return open;
+}
+
+// Chooses the length of the next piece of the substep.
+static void set_length(const pm_model *m, pm_data *d) {
+    d->h = ldexp(m->system->scene->physics.dt / d->substeps, -d->halvings);
+}
+
+// Begins the present piece of the substep again, as two pieces.
+static void halve(const pm_model *m, pm_data *d) {
+    ++d->halvings;
+    d->piece *= 2;
+    d->stage = 0;
+    set_length(m, d);
+    memcpy(d->stage_z, d->z, (size_t)m->own_size * sizeof *d->z);
+    memset(d->known, 0, (size_t)m->nblock * sizeof *d->known);
+    for (int i = 0; i < m->ngroup; ++i) {
+        const pm_subsystem_group *group = &m->group[i];
+        if (group->kind->start != NULL) {
+            group->kind->start(d, group, false);
+        }
+        pm_iteration_start(&d->iteration[group->first_lane]);
+        expose_iterate(m, d, group, false);
+    }
+    ++d->exposure_calls;
+    rest_ghosts(m, d);
+}
+
+// Ends a piece of the substep, for all subsystems in the same round. Two pieces that were one make
+// room for a longer one again.
+static void end_piece(const pm_model *m, pm_data *d) {
+    d->z = d->stage_z;
+    d->stage_z = free_state(d);
+    memcpy(d->stage_z, d->z, (size_t)m->own_size * sizeof *d->z);
+    d->stage = 0;
+    ++d->piece;
+    while (d->halvings > 0 && d->piece % 2 == 0) {
+        --d->halvings;
+        d->piece /= 2;
+    }
+    if (d->halvings == 0) {
+        d->piece = 0;
+        ++d->substep;
+    }
+    set_length(m, d);
+}
+
 static void advance_iteration(const pm_model *m, pm_data *d) {
-    const int left = m->integrator->most_iterations - (d->stage + 1);
+    const int left = m->integrator->most_iterations - (d->stage + 1), halvings = d->halvings;
     bool last = false;
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         bool *moves = &d->moves[group->first_lane];
+        pm_iteration *iteration = &d->iteration[group->first_lane];
+        const double open = open_energy(d, group, iteration);
         const double change = iterate(m, d, group, moves);
-        last = pm_iteration_end_round(&d->iteration[group->first_lane], change,
-                                      m->system->scene->physics.diameter, left);
+        last =
+            pm_iteration_end_round(iteration, change, open / m->system->scene->run.energy_tolerance,
+                                   m->system->scene->physics.diameter, left);
     }
+    const bool gave_up = d->iteration[m->group[0].first_lane].gave_up;
     ++d->stage;
-    if (last) { // the substep ends, for all subsystems in the same round
-        d->z = d->stage_z;
-        d->stage_z = free_state(d);
-        memcpy(d->stage_z, d->z, (size_t)m->own_size * sizeof *d->z);
-        d->stage = 0;
-        ++d->substep;
+    if (gave_up && !last && halvings < PM_MOST_HALVINGS) {
+        halve(m, d);
+        return;
+    }
+    d->unsolved = d->unsolved || gave_up;
+    if (last) {
+        end_piece(m, d);
+    }
+    if (d->halvings != halvings) { // responses belong to the length of a piece
+        memset(d->known, 0, (size_t)m->nblock * sizeof *d->known);
     }
     const bool ends_step = d->substep == d->substeps;
     for (int i = 0; i < m->ngroup; ++i) {
@@ -317,6 +386,7 @@ static void advance_iteration(const pm_model *m, pm_data *d) {
             check_block(m, d, group, 0);
         }
     }
+    d->doubtful = d->doubtful || (ends_step && d->unsolved);
     ++d->exposure_calls;
     rest_ghosts(m, d);
 }
@@ -331,8 +401,12 @@ static void mark_changed(const pm_model *m, const pm_data *d) {
 
 void pm_expose_all(const pm_model *m, pm_data *d, bool run) {
     const bool implicit = m->method->implicit;
-    d->stage = d->substep = 0;
-    d->doubtful = false;
+    d->stage = d->substep = d->piece = 0;
+    d->doubtful = d->unsolved = false;
+    if (d->halvings > 0) {
+        d->halvings = 0;
+        set_length(m, d);
+    }
     d->stage_z = d->z;
     if (implicit) {
         d->stage_z = free_state(d);

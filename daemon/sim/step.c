@@ -75,7 +75,8 @@ void pm_local_subsystems_set_substeps(pm_local_subsystems *local, int substeps) 
 int pm_local_subsystems_most_rounds(const pm_local_subsystems *local) {
     const pm_physics *physics = &local->model.system->scene->physics;
     return pm_step_controller_most_substeps(physics) *
-           pm_integrator_most_rounds(physics->integrator);
+           pm_integrator_most_rounds(physics->integrator) *
+           (pm_integrator_iterates(physics->integrator) ? (2 << PM_MOST_HALVINGS) - 1 : 1);
 }
 
 // Sets an array of `count` items to 0. An array without items may be NULL.
@@ -278,7 +279,7 @@ pm_flux pm_local_subsystems_get_boundary(const pm_local_subsystems *local, int r
 // Returns the weight of the present round in the mean over a step.
 static double round_weight(const pm_model *m, const pm_data *d) {
     const double weight = d->iteration != NULL ? d->iteration[0].last : m->integrator->b[d->stage];
-    return weight / d->substeps;
+    return ldexp(weight / d->substeps, -d->halvings);
 }
 
 void pm_local_subsystems_bulk(pm_local_subsystems *local) {
@@ -397,6 +398,14 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
             "steps, or a longer trajectory",
             m->system->scene->physics.subsystem[m->id[0]].name, d->boundary_input->end);
     }
+    if (status == PM_OK && d->unsolved) {
+        status = pm_fail(PM_ENUMERIC,
+                         "subsystem %s: step %ld: the iteration does not converge, not even in "
+                         "pieces of %.3g s: the step is too long for this state; try a smaller dt "
+                         "or more substeps",
+                         m->system->scene->physics.subsystem[m->id[0]].name, d->step + 1,
+                         ldexp(m->system->scene->physics.dt / d->substeps, -PM_MOST_HALVINGS));
+    }
     if (status != PM_OK) {
         pm_local_subsystems_undo_step(local);
         return status;
@@ -408,7 +417,7 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
             &d->flux[at.end], (int)m->port_group[place.group].first_lane + place.lane);
     }
     d->substep = 0;
-    d->doubtful = false;
+    d->doubtful = d->unsolved = false;
     ++d->step;
     return PM_OK;
 }

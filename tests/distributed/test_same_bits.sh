@@ -22,6 +22,12 @@ sed 's/substeps: [0-9]*/tolerance: 1.0e-3/' "$scene" >"$folder/scene_adaptive.ya
 good "$folder/scene_adaptive.yaml" $((8 + mpi))
 grep -q 'killed .*skipped: a scene with a tolerance keeps no checkpoints' "$folder/test.out" || fail "no word of what is skipped"
 
+configs=$(cd "$(dirname "$0")/../../configs" && pwd)
+# Steps that do not converge are divided in the same round by all processes.
+sed -e 's/^time: .*/time: {dt: 0.3, steps: 30, integrator: discrete_gradient, substeps: 1}/' -e 's/Tr: 300.0/Tr: 30000.0/' \
+    -e "s|file: reference|file: $configs/reference|" "$configs/analytic_double_pendulum.yaml" >"$folder/hot.yaml"
+good "$folder/hot.yaml" $((12 + mpi))
+
 # wrong CODE PATTERN ARGUMENT...: `test` ends with this code, and its error says why.
 wrong() {
     code=$1

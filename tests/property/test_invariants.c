@@ -86,15 +86,13 @@ static pm_ledger ledger_of(pm_scene *scene, pm_system *system, const char *integ
     return ledger;
 }
 
-static void an_iteration_that_does_not_converge_is_counted(void **state) {
+static void a_step_that_does_not_converge_is_divided(void **state) {
     (void)state;
     static const struct {
         const char *integrator;
         double dt;
-        int least, most; // steps in violation
-    } c[] = {{"discrete_gradient", 0.01, 0, 0}, {"discrete_gradient", 0.3, 0, 0},
-             {"discrete_gradient", 0.6, 0, 0},  {"discrete_gradient", 1.5, 1, 40},
-             {"rk4_balanced", 0.02, 0, 0},      {"rk4", 0.3, 0, 0}};
+    } c[] = {{"discrete_gradient", 0.01}, {"discrete_gradient", 0.3}, {"discrete_gradient", 0.6},
+             {"discrete_gradient", 1.5},  {"rk4_balanced", 0.02},     {"rk4", 0.3}};
     pm_scene *scene = NULL;
     pm_system *system = NULL;
     assert_int_equal(pm_scene_load(&scene, "configs/analytic_double_pendulum.yaml"), PM_OK);
@@ -103,10 +101,9 @@ static void an_iteration_that_does_not_converge_is_counted(void **state) {
         const pm_ledger ledger = ledger_of(scene, system, c[i].integrator, c[i].dt);
         print_message("%s, %g s: energy of a step %.1e, %ld of 40 steps in violation\n",
                       c[i].integrator, c[i].dt, ledger.worst_step, ledger.violations);
-        assert_in_range(ledger.unbalanced, c[i].least, c[i].most);
-        assert_int_equal(ledger.violations, ledger.unbalanced);
+        assert_int_equal(ledger.unbalanced + ledger.violations, 0);
         assert_true((ledger.worst_step > scene->run.energy_tolerance) ==
-                    (c[i].most > 0 || strcmp(c[i].integrator, "rk4") == 0));
+                    (strcmp(c[i].integrator, "rk4") == 0));
     }
     pm_system_free(system);
     pm_scene_free(scene);
@@ -115,7 +112,7 @@ static void an_iteration_that_does_not_converge_is_counted(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(long_rollouts_keep_the_invariants),
-        cmocka_unit_test(an_iteration_that_does_not_converge_is_counted),
+        cmocka_unit_test(a_step_that_does_not_converge_is_divided),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

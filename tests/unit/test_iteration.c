@@ -48,7 +48,7 @@ static int iterate(const graph *g, const int *converges, int diameter) {
                 }
             }
             const double change = rounds >= converges[i] ? 0 : 1;
-            ended += pm_iteration_end_round(&it[i], change, diameter, ROUNDS - 1 - rounds);
+            ended += pm_iteration_end_round(&it[i], change, 0, diameter, ROUNDS - 1 - rounds);
         }
         rounds += 1;
     }
@@ -104,8 +104,8 @@ static void test_convergence_may_be_lost(void **state) {
                     }
                 }
                 all[rounds] = all[rounds] && converged;
-                ended +=
-                    pm_iteration_end_round(&it[k], converged ? 0 : 1, g.n - 1, ROUNDS - 1 - rounds);
+                ended += pm_iteration_end_round(&it[k], converged ? 0 : 1, 0, g.n - 1,
+                                                ROUNDS - 1 - rounds);
             }
         }
         assert_int_equal(ended, g.n);
@@ -132,24 +132,70 @@ static void test_rounding_counts(void **state) {
     (void)state;
     pm_iteration it;
     pm_iteration_start(&it);
-    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, 0, ROUNDS));
     assert_false(it.last);
-    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+    assert_false(pm_iteration_end_round(&it, 0.9 * PM_ITERATION_ROUNDING, 0, 0, ROUNDS));
     assert_true(it.last);
-    assert_true(pm_iteration_end_round(&it, 0, 0, ROUNDS));
+    assert_true(pm_iteration_end_round(&it, 0, 0, 0, ROUNDS));
     pm_iteration_start(&it);
     for (int i = 0; i < 10; ++i) {
-        assert_false(pm_iteration_end_round(&it, 2 * PM_ITERATION_ROUNDING, 0, ROUNDS));
+        assert_false(pm_iteration_end_round(&it, 2 * PM_ITERATION_ROUNDING, 0, 0, ROUNDS));
         assert_false(it.last);
+    }
+}
+
+// The last rounds accept a small change, unless it leaves energy open beside which no subsystem's
+// own counts; then all give up in the same round, and where the distances are too long nobody does.
+static void test_all_give_up_together(void **state) {
+    (void)state;
+    static const struct {
+        double change, open;
+        int diameter; // beyond the number of subsystems
+        bool solved;
+    } c[] = {{0.9 * PM_ITERATION_ACCEPTED, 0.4, 0, true},
+             {0.9 * PM_ITERATION_ACCEPTED, 1.1, 0, false},
+             {1.1 * PM_ITERATION_ACCEPTED, 0, 0, false},
+             {1.1 * PM_ITERATION_ACCEPTED, 0, 25, true}};
+    pm_rng rng;
+    pm_rng_init(&rng, 6, 0);
+    for (int i = 0; i < 400; ++i) {
+        const graph g = random_graph(&rng);
+        const int slow = (int)pm_rng_below(&rng, (uint64_t)g.n), n = g.n;
+        const int heavy = (int)pm_rng_below(&rng, (uint64_t)g.n), row = i % 4;
+        pm_iteration it[MOST];
+        int ended = 0, rounds = 0;
+        for (int k = 0; k < n; ++k) {
+            pm_iteration_start(&it[k]);
+            it[k].start = k == heavy ? -0.6 : 0;
+        }
+        for (; ended == 0; ++rounds) {
+            uint64_t known[MOST];
+            for (int k = 0; k < n; ++k) {
+                known[k] = it[k].known;
+            }
+            for (int k = 0; k < n; ++k) {
+                for (int m = 0; m < n; ++m) {
+                    if (g.joined[k][m]) {
+                        pm_iteration_hear(&it[k], known[m]);
+                    }
+                }
+                ended += pm_iteration_end_round(&it[k], k == slow ? c[row].change : 0, c[row].open,
+                                                n - 1 + c[row].diameter, ROUNDS - 1 - rounds);
+                assert_true(!it[k].gave_up || (rounds >= ROUNDS - 2 && !c[row].solved));
+            }
+        }
+        assert_int_equal(rounds, ROUNDS);
+        for (int k = 0; k < n; ++k) {
+            assert_int_equal(it[k].gave_up, !c[row].solved);
+        }
     }
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_all_end_together),
-        cmocka_unit_test(test_convergence_may_be_lost),
-        cmocka_unit_test(test_rounds_are_bounded),
-        cmocka_unit_test(test_rounding_counts),
+        cmocka_unit_test(test_all_end_together),     cmocka_unit_test(test_convergence_may_be_lost),
+        cmocka_unit_test(test_rounds_are_bounded),   cmocka_unit_test(test_rounding_counts),
+        cmocka_unit_test(test_all_give_up_together),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
