@@ -177,6 +177,7 @@ static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, setup->scene->network.nprocess, &options->log));
+    pm_notify("READY=1");
     status = conduct(coordinator, &nodes, NULL);
     if (status == PM_OK) {
         status = pm_launch_wait(nodes.launch, END_GRACE);
@@ -657,6 +658,7 @@ static pm_status execute_serve(const pm_run_options *options) {
     PM_TRY_DONE(pm_launch_open(&nodes.launch, scene->network.nprocess, &options->log));
     const struct sigaction action = {.sa_handler = hang_up, .sa_flags = SA_RESTART};
     sigaction(SIGHUP, &action, NULL);
+    pm_notify("READY=1");
     status = conduct(s.coordinator, &nodes, control);
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
     // The user ends a service in this way.

@@ -33,6 +33,7 @@ pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int proc
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene,
                                 pm_connect_url(setup->scene, options->url), name, &options->log));
     PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
+    pm_notify("READY=1");
     status = pm_lockstep_run_node(node, options->stop);
     pm_connect_warn(transport, pm_lockstep_node_drops(node), &options->log);
     if (options->coordinator_speaks && status != PM_OK && status != PM_ETIMEOUT) {
@@ -55,6 +56,7 @@ pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &own.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
+    pm_notify("READY=1");
     status = pm_lockstep_run_coordinator(coordinator, options->stop);
     status = pm_observer_finish(&observer, status, pm_lockstep_coordinator_ledger(coordinator),
                                 pm_lockstep_coordinator_pace(coordinator),

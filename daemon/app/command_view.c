@@ -15,6 +15,7 @@
 
 #include "app/command.h"
 #include "app/connect.h"
+#include "app/notify.h"
 #include "app/view_server.h"
 #include "base/journal.h"
 #include "lockstep/health.h"
@@ -744,6 +745,7 @@ static pm_status open_view(view *v) {
         printf("portmetd: a view of %s at http://%s:%d/\n", v->scene->name, address, port);
     }
     fflush(stdout);
+    pm_notify("READY=1");
     return PM_OK;
 }
 

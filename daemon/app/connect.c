@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "app/notify.h"
 #include "transport/channel.h"
 
 // LCM's default group and port, on this host alone.
@@ -94,7 +93,6 @@ pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const
         PM_TRY_DONE(status);
     }
     *transport = opened;
-    pm_notify("READY=1");
     return PM_OK;
 done:
     pm_transport_close(opened);

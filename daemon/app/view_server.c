@@ -30,6 +30,7 @@ struct pm_view_server {
     pm_view_next *next;
     void *next_context;
     int nclient;
+    struct lws *client[PM_VIEW_CLIENTS + 1]; // [nclient] the websockets, the oldest first
     lws_sorted_usec_list_t timer;
     bool due; // the time to serve is over
 };
@@ -129,15 +130,27 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
     }
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
         // 0: the client may have a websocket; 1: it was refused.
-        return has_good_host(wsi) && has_good_origin(wsi) && s->nclient < PM_VIEW_CLIENTS
+        return has_good_host(wsi) && has_good_origin(wsi)
                    ? 0
                    : -refuse(wsi, HTTP_STATUS_FORBIDDEN, "This page must not listen here.");
     case LWS_CALLBACK_ESTABLISHED:
-        s->nclient += 1;
+        if (s->nclient == PM_VIEW_CLIENTS + 1) { // those that are to be closed are still there
+            return -1;
+        }
+        s->client[s->nclient++] = wsi;
+        if (s->nclient > PM_VIEW_CLIENTS) {
+            // Whoever sits there longest must not lock everybody else out.
+            lws_set_timeout(s->client[0], PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
+        }
         lws_callback_on_writable(wsi);
         return 0;
     case LWS_CALLBACK_CLOSED:
-        s->nclient -= 1;
+        for (int i = 0; i < s->nclient; ++i) {
+            if (s->client[i] == wsi) {
+                s->nclient -= 1;
+                memmove(&s->client[i], &s->client[i + 1], (size_t)(s->nclient - i) * sizeof wsi);
+            }
+        }
         return 0;
     case LWS_CALLBACK_SERVER_WRITEABLE: {
         // Sends the next message to a client, if there is one, and asks for the time of another.

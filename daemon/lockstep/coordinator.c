@@ -717,6 +717,15 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
                  (long long)c->completed, awaited);
         c->observer.warn(c->observer.context, text);
     }
+    if (c->live.disputed != NULL && !c->live_disputed && c->observer.warn != NULL) {
+        char text[160];
+        c->live_disputed = true;
+        snprintf(text, sizeof text,
+                 "two messages on %s have other values for step %lld, and the first ones hold: is "
+                 "there more than one sender?",
+                 c->live.disputed, (long long)c->live.disputed_step);
+        c->observer.warn(c->observer.context, text);
+    }
     if (status == PM_OK && over && !c->stays) {
         enter(c, PM_COORDINATOR_CLOSING);
     }

@@ -212,7 +212,8 @@ struct pm_lockstep_coordinator {
     pm_gate gate;
     pm_pace pace;
     pm_live_inputs live;
-    double live_until; // s, when the observer is told that the run waits for a live input
+    double live_until;  // s, when the observer is told that the run waits for a live input
+    bool live_disputed; // it was told that two messages have other values for the same step
     pm_report_window reports;
     pm_health health;
     pm_ledger ledger;

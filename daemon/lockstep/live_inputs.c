@@ -61,8 +61,23 @@ static pm_drop check_form(const pm_scene_live_input *input, const unsigned char 
                                                                            : PM_DROP_COUNT;
 }
 
+// Compares a message with the values that are known already of its step. Others come from another
+// program, or from one that was started again, and the first ones hold.
+static pm_drop compare(pm_live_channel *channel, const unsigned char *data, const double *known,
+                       int64_t step) {
+    const pm_scene_live_input *input = channel->input;
+    for (int i = 0; i < input->count; ++i) {
+        if (read_number(data, &input->place[i]) != known[i]) {
+            channel->owner->disputed = input->channel;
+            channel->owner->disputed_step = step;
+            return PM_DROP_CONFLICT;
+        }
+    }
+    return PM_DROP_REPEATED;
+}
+
 // Keeps the numbers of a message for its step, or, if no step waits for a message of its own, as
-// the newest ones.
+// the newest ones. A message for a step that is over says nothing of a sender that is alive.
 static pm_drop keep(pm_live_channel *channel, const unsigned char *data, size_t size) {
     const pm_scene_live_input *input = channel->input;
     const int64_t next = channel->owner->next;
@@ -70,8 +85,9 @@ static pm_drop keep(pm_live_channel *channel, const unsigned char *data, size_t 
     const int64_t step = input->waits ? read_integer(data, &input->step) : 0;
     const int64_t slot = input->waits ? step % PM_LIVE_AHEAD : 0;
     if (input->waits && step < next) {
-        channel->fresh = true;
-        return PM_DROP_REPEATED;
+        return step != next - 1 || step < 0
+                   ? PM_DROP_REPEATED
+                   : compare(channel, data, channel->owner->taken[step % 2] + input->first, step);
     }
     if (input->waits && step >= next + PM_LIVE_AHEAD) {
         return PM_DROP_RANGE;
@@ -84,7 +100,7 @@ static pm_drop keep(pm_live_channel *channel, const unsigned char *data, size_t 
     channel->fresh = true;
     channel->any = true;
     if (input->waits && channel->step[slot] == step) {
-        return PM_DROP_REPEATED;
+        return compare(channel, data, channel->value + slot * input->count, step);
     }
     channel->step[slot] = step;
     for (int i = 0; i < input->count; ++i) {

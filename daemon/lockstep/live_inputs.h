@@ -37,6 +37,10 @@ typedef struct pm_live_inputs {
     const double *replay;     // [replayed][scene->nlive] borrowed; NULL: values come from channels
     int64_t replayed;
     pm_drops *drops; // borrowed, counts the messages that are dropped
+    // The channel on which two messages had other values for the same step, of which the first ones
+    // hold, and that step; NULL: none since the caller has set it so.
+    const char *disputed;
+    int64_t disputed_step;
 } pm_live_inputs;
 
 // Subscribes to the channels of the scene, unless `replay` [replayed][scene->nlive] gives the

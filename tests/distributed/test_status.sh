@@ -81,6 +81,9 @@ while True:
     started="$started $manager"
     wait_until test -S "$folder/manager" || fail "no service manager"
     export NOTIFY_SOCKET="$folder/manager"
+    # A client that finds no run, and a coordinator that is not open yet, are not ready.
+    timeout 5 "$portmetd" status "$folder/patient.yaml" >"$folder/nobody.out" 2>&1 && fail "a status of nobody"
+    says manager READY && fail "a client says READY=1"
     start managed coordinator "$folder/patient.yaml" --steps $forever
     managed=$pid
     awaits manager "^READY=1$"

@@ -127,6 +127,8 @@ answers 403 listen scene "Origin: http://elsewhere.example"
 answers 403 listen scene "Origin: null"
 answers 403 listen scene "Origin: https://127.0.0.1:$port"
 answers 403 listen scene "Host: elsewhere.example:$port" "Origin: http://elsewhere.example:$port"
+client crowd 40 # those who sit there longest make room
+expect "m['name'] == 'pair'"
 client listen scene "Origin: http://127.0.0.1:$port"
 expect "m['name'] == 'pair'"
 [ -z "$(awk '$2 ~ /:1F90$/ && $2 !~ /^0100007F:/' /proc/net/tcp)" ] || fail "port 8080 is open beyond 127.0.0.1"

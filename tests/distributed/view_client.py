@@ -6,6 +6,7 @@
 #   last                            prints the last frame that comes within a second
 #   follow                          reads messages until it is ended
 #   talk                            sends something over the websocket, then prints the next frame
+#   crowd N                         opens N websockets that stay, then prints the first scene that one more gets
 #   datagram KEY                    prints the first datagram at UDP port PORT that has the key
 import base64
 import json
@@ -112,6 +113,14 @@ def talk(port):
             return json.dumps(message["frame"])
 
 
+def crowd(port, count):
+    sitting = [open_websocket(port, []) for _ in range(count)]
+    text = listen(port, "scene", [])
+    for s in sitting:
+        s.close()
+    return text
+
+
 def datagram(port, key):
     s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     s.bind(("127.0.0.1", port))
@@ -138,6 +147,8 @@ def main(port, command, *arguments):
         print(sum(1 for _ in messages(s)))
     elif command == "talk":
         print(talk(port))
+    elif command == "crowd":
+        print(crowd(port, int(arguments[0])))
     else:
         print(datagram(port, *arguments))
 
