@@ -394,17 +394,17 @@ struct portmet_fleet {
 int portmet_fleet_open(portmet_fleet **fleet, const portmet_scene *scene, int64_t count,
                        int threads) {
     if (scene->remote != NULL) {
-        return pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene));
+        return (int)pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene));
     }
     portmet_fleet *f = calloc(1, sizeof *f);
     if (f == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for copies");
+        return (int)pm_fail(PM_ENOMEM, "out of memory for copies");
     }
     atomic_flag_clear(&f->busy);
     const pm_status status = pm_fleet_open(&f->fleet, &scene->setup, count, threads);
     if (status != PM_OK) {
         portmet_fleet_close(f);
-        return status;
+        return (int)status;
     }
     *fleet = f;
     pm_forget_error();
@@ -435,10 +435,11 @@ static int change_fleet(portmet_fleet *fleet, int64_t count, bool restore, const
                         double *rows) {
     pm_forget_error();
     if (count < 0) {
-        return pm_fail(PM_EUSAGE, "%lld steps or copies: expected 0 or more", (long long)count);
+        return (int)pm_fail(PM_EUSAGE, "%lld steps or copies: expected 0 or more",
+                            (long long)count);
     }
     if (atomic_flag_test_and_set(&fleet->busy)) {
-        return pm_fail(PM_EUSAGE, "another thread is using the copies");
+        return (int)pm_fail(PM_EUSAGE, "another thread is using the copies");
     }
     pm_status status = PM_OK;
     if (rows != NULL) {
@@ -448,7 +449,7 @@ static int change_fleet(portmet_fleet *fleet, int64_t count, bool restore, const
         pm_forget_error();
     }
     atomic_flag_clear(&fleet->busy);
-    return status;
+    return (int)status;
 }
 
 int portmet_fleet_step(portmet_fleet *fleet, int64_t count) {
