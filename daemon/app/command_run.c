@@ -32,7 +32,7 @@
 #define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
 #define WATCH_INTERVAL 0.05   // s between two looks at the children
 #define GATE_INTERVAL 0.002   // s between two looks at the gate that holds a run in this thread
-#define RESTING 0.4           // s between two looks at the children while nothing is to be done
+#define RESTING 0.5           // s between two looks at the children while nothing is to be done
 #define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
 #define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
@@ -155,7 +155,7 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
         if (control != NULL) {
             pm_control_poll(control);
         }
-        const double interval = next - now > RESTING ? RESTING : WATCH_INTERVAL;
+        const double interval = next - now > 2 * WATCH_INTERVAL ? RESTING : WATCH_INTERVAL;
         const double wait = next - now < interval ? next - now : interval;
         PM_TRY(pm_transport_wait(transport, wait > 0 ? wait : 0, NULL));
         now = pm_clock();

@@ -30,7 +30,7 @@ static void print_table(FILE *file, const pm_scene *scene, const portmet_health_
     for (int i = 0; i < h->nprocess; ++i) {
         if (h->silent[i] < 0 && h->step < 0) {
             fprintf(file, "; %s is missing", pm_health_name(scene, i));
-        } else if (h->silent[i] > pm_health_silence(h->nprocess)) {
+        } else if (h->silent[i] > pm_health_silence(h->nprocess, h->rate == 0)) {
             fprintf(file, "; %s is silent", pm_health_name(scene, i));
         }
     }

@@ -194,9 +194,13 @@ static void collect_output(pm_child *child, const pm_journal *log, char *last) {
 
 pm_status pm_launch_watch(pm_launch *launch, int *deaths) {
     int killed = 0;
+    siginfo_t ended = {0};
+    const bool any = waitid(P_ALL, 0, &ended, WEXITED | WNOHANG | WNOWAIT) != 0 || ended.si_pid > 0;
     for (int i = 0; i < launch->count; ++i) {
         pm_child *child = &launch->child[i];
-        reap(child, launch->log);
+        if (any) {
+            reap(child, launch->log);
+        }
         killed += child->killed;
         if (child->running) {
             show_output(child, launch->log);

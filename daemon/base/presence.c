@@ -3,7 +3,10 @@
 
 double pm_presence_look(pm_presence *presence, double now) {
     const double passed = presence->last > 0 ? now - presence->last : 0;
-    presence->absent += passed > PM_PRESENCE_LONGEST ? passed - PM_PRESENCE_LONGEST : 0;
+    const double most =
+        presence->planned > PM_PRESENCE_LONGEST ? presence->planned : PM_PRESENCE_LONGEST;
+    presence->absent += passed > most ? passed - most : 0;
+    presence->planned = 0;
     presence->last = now;
     return now - presence->absent;
 }

@@ -11,13 +11,14 @@
 
 // The state of the clock. The caller owns it and initialises it with zeros.
 typedef struct pm_presence {
-    double last;   // s, monotonic, at the last look; 0: none yet
-    double absent; // s in which this process did not run, so far
+    double last;    // s, monotonic, at the last look; 0: none yet
+    double absent;  // s in which this process did not run, so far
+    double planned; // s that the process waits until the next look on purpose
 } pm_presence;
 
 // Updates the clock at `now` (s, monotonic) and returns its time in s: `now` minus all absences so
-// far. If more than PM_PRESENCE_LONGEST has passed since the last look, the excess counts as
-// absence.
+// far. If more than PM_PRESENCE_LONGEST has passed since the last look, and more than was planned,
+// the excess counts as absence.
 double pm_presence_look(pm_presence *presence, double now);
 
 #endif

@@ -66,7 +66,6 @@
 #define COMMAND_INTERVAL 0.02 // s between repetitions of END or ABORT
 #define COMMAND_COUNT 10      // repetitions at most
 #define LEDGER_INTERVAL 0.001 // s between two ledger messages at least
-#define HEARTBEAT 1.0         // s between two ticks while nobody asks for steps, at most
 #define FLUSH_AFTER 0.2       // s for which the run was held when the observer flushes its files
 
 // --- state ---
@@ -294,8 +293,9 @@ static pm_drop greet_node(pm_lockstep_coordinator *c, const portmet_hello_t *hel
         say_second(remote, reason);
         if (c->stays) { // the process that died takes part in the next run again
             const double silent = c->endpoint.now - remote->heard;
-            check(c,
-                  silent > pm_health_silence(c->nremote) ? pm_fail(PM_ENET, "%s", reason) : PM_OK);
+            check(c, silent > pm_health_silence(c->nremote, may_rest(c))
+                         ? pm_fail(PM_ENET, "%s", reason)
+                         : PM_OK);
             return PM_DROP_SESSION;
         }
         return refuse(c, hello, reason, true);
@@ -880,14 +880,16 @@ static pm_status await(pm_lockstep_coordinator *c) {
         tell_pause(c, false, "");
     }
     char names[512];
-    const double patience = c->scene->network.patience, now = c->endpoint.now;
+    const bool rests = c->phase == PM_COORDINATOR_HELD && may_rest(c);
+    const double now = c->endpoint.now, vitals = pm_vitals_interval(c->nremote);
+    const double silence = rests ? pm_health_silence(c->nremote, true) : fmax(PAUSE, 2 * vitals);
+    const double patience = fmax(c->scene->network.patience, rests ? 2 * silence : 0);
     const double since = c->endpoint.waiting.since, waited = now - since;
     // Processes may come to a coordinator that stays whenever they like.
     if (c->phase == PM_COORDINATOR_GATHERING && c->waits) {
         return pm_waiting_request_due(&c->endpoint.waiting, now) ? request_missing(c) : PM_OK;
     }
-    list_missing(c, fmin(fmax(PAUSE, 2 * pm_vitals_interval(c->nremote)), patience / 2), names,
-                 sizeof names);
+    list_missing(c, fmin(silence, patience / 2), names, sizeof names);
     if (names[0] != 0) {
         tell_pause(c, true, names);
     }
@@ -907,8 +909,8 @@ static pm_status await(pm_lockstep_coordinator *c) {
             "missing from: %s",
             idle, (long long)steps_shown(c), names);
     }
-    if (c->phase == PM_COORDINATOR_HELD && may_rest(c)) {
-        return now >= c->ticked_at + HEARTBEAT ? publish_tick(c) : PM_OK;
+    if (rests) {
+        return now >= c->ticked_at + pm_rest_interval(c->nremote) ? publish_tick(c) : PM_OK;
     }
     return pm_waiting_request_due(&c->endpoint.waiting, now) ? request_missing(c) : PM_OK;
 }
@@ -1038,7 +1040,8 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
                                                   : INFINITY;
     }
     const bool rests = c->phase == PM_COORDINATOR_HELD && may_rest(c);
-    const double next = rests ? c->ticked_at + HEARTBEAT : c->endpoint.waiting.next;
+    const double next =
+        rests ? c->ticked_at + pm_rest_interval(c->nremote) : c->endpoint.waiting.next;
     const double gate = is_at_gate(c) ? c->gate.read_at : INFINITY;
     const double tick = c->tick_wanted ? next_tick(c) : INFINITY;
     const double due = pm_pace_due(&c->pace, c->granted);

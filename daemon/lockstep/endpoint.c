@@ -12,7 +12,8 @@
 
 // Another thread (LCM's) may receive the signal, which then does not wake this one.
 #define STOP_INTERVAL 0.1 // s between two readings of the stop flag, at most
-#define LONGEST_WAIT 0.4  // s between them while nothing is to be done for much longer
+#define LONGEST_WAIT 10.0 // s between them while nothing is to be done for a long time
+#define LONG_WAIT 2.0     // s, a long time
 
 // --- identity ---
 
@@ -252,14 +253,11 @@ pm_status pm_endpoint_code(int8_t code) {
     return known ? (pm_status)code : PM_ENET;
 }
 
-pm_status pm_endpoint_wait(const pm_endpoint *endpoint, double until, double now,
+pm_status pm_endpoint_wait(pm_endpoint *endpoint, double until, double now,
                            const volatile sig_atomic_t *stop) {
-    const double wait = until - now;
-    PM_TRY(pm_transport_wait(endpoint->transport,
-                             wait <= 0                 ? 0
-                             : wait < STOP_INTERVAL    ? wait
-                             : wait > 4 * LONGEST_WAIT ? LONGEST_WAIT
-                                                       : STOP_INTERVAL,
-                             NULL));
+    const double left = until - now, most = left < LONG_WAIT ? STOP_INTERVAL : LONGEST_WAIT;
+    const double wait = clamp(left, 0, most);
+    endpoint->presence.planned = wait;
+    PM_TRY(pm_transport_wait(endpoint->transport, wait, NULL));
     return stop != NULL && *stop != 0 ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
 }

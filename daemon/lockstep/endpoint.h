@@ -198,7 +198,7 @@ pm_status pm_endpoint_code(int8_t code);
 
 // Waits until the monotonic time `until` (s; `now` is the present one) for messages and hands them
 // out, but at most 0.1 s. PM_EINTERRUPTED: `*stop` (NULL is allowed) is not 0; PM_ENET.
-pm_status pm_endpoint_wait(const pm_endpoint *endpoint, double until, double now,
+pm_status pm_endpoint_wait(pm_endpoint *endpoint, double until, double now,
                            const volatile sig_atomic_t *stop);
 
 #endif

@@ -215,12 +215,13 @@ pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double 
 
 // --- the run ---
 
-double pm_health_silence(int processes) {
-    return fmax(PM_HEALTH_SILENT, 2 * pm_vitals_interval(processes));
+double pm_health_silence(int processes, bool rests) {
+    return fmax(PM_HEALTH_SILENT,
+                2 * (rests ? pm_rest_interval(processes) : pm_vitals_interval(processes)));
 }
 
 static bool is_waiting(const portmet_health_t *m, int64_t i) {
-    return m->silent[i] >= 0 && m->silent[i] < pm_health_silence(m->nprocess) &&
+    return m->silent[i] >= 0 && m->silent[i] < pm_health_silence(m->nprocess, false) &&
            m->waits_part[i] > 0.5;
 }
 
@@ -317,7 +318,8 @@ bool pm_health_warn(pm_health *health, char *text, size_t size) {
         }
     }
     // The observer learns of a silent process by another message.
-    const bool silent = m->blocker >= 0 && m->silent[m->blocker] > pm_health_silence(m->nprocess);
+    const bool silent =
+        m->blocker >= 0 && m->silent[m->blocker] > pm_health_silence(m->nprocess, false);
     if (m->blocker != PM_HEALTH_NOBODY && m->blocker != health->told_blocker && !silent) {
         health->told_blocker = m->blocker;
         snprintf(text, size, "%s makes all others wait for more than %.0f %% of the time",

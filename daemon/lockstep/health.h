@@ -13,6 +13,8 @@
 // run if that is more, since many processes would send little else.
 #define PM_VITALS_INTERVAL 1.0 // s
 #define PM_VITALS_EACH 0.004   // s
+#define PM_REST_EACH 0.125     // s
+#define PM_REST_MOST 30.0      // s
 
 // The caller owns this storage and initialises it with zeros. Times are in s, of the clock
 // endpoint->now (endpoint.h).
@@ -34,6 +36,16 @@ typedef struct pm_vitals {
 static inline double pm_vitals_interval(int processes) {
     const double each = PM_VITALS_EACH * processes;
     return each > PM_VITALS_INTERVAL ? each : PM_VITALS_INTERVAL;
+}
+
+// Returns the time between two ticks that keep `processes` processes at rest, which answer with
+// their vitals, in s: PM_VITALS_INTERVAL, or PM_REST_EACH for each process if that is more, since
+// each message wakes all.
+static inline double pm_rest_interval(int processes) {
+    const double each = PM_REST_EACH * processes;
+    return each < PM_VITALS_INTERVAL ? PM_VITALS_INTERVAL
+           : each > PM_REST_MOST     ? PM_REST_MOST
+                                     : each;
 }
 
 // Makes vitals of process `process_id` with `npeer` peers and the coordinator. The caller sets the
@@ -99,8 +111,9 @@ pm_status pm_health_init(pm_health *health, pm_arena *arena, const pm_scene *sce
 // the health. Returns PM_KEEP, or the reason for which the message is dropped.
 pm_drop pm_health_take(pm_health *health, const void *data, size_t size, double now);
 
-// Returns the time, in s, after which a process counts as silent in a run of `processes` processes.
-double pm_health_silence(int processes);
+// Returns the time, in s, after which a process counts as silent in a run of `processes` processes,
+// which may rest.
+double pm_health_silence(int processes, bool rests);
 
 // Returns true if a second has passed since the last message, and then completes the message for a
 // run in which `step` steps are complete. `now` is in s, monotonic.

@@ -920,7 +920,11 @@ static pm_status await(pm_lockstep_node *node) {
         pm_waiting_start(waiting, now);
         node->progressed = false;
     }
-    if (pm_waiting_is_over(waiting, node->coordinator_heard, node->scene->network.patience, now)) {
+    // A coordinator whose processes rest speaks rarely, and some of its ticks may get lost.
+    const bool rests = node->held && node->step >= node->granted;
+    const double rest = 4 * pm_rest_interval(node->scene->network.nprocess);
+    const double patience = fmax(node->scene->network.patience, rests ? rest : 0);
+    if (pm_waiting_is_over(waiting, node->coordinator_heard, patience, now)) {
         if (node->stays) {
             rejoin(node);
             return PM_OK;
@@ -929,8 +933,8 @@ static pm_status await(pm_lockstep_node *node) {
                        "no word from the coordinator for %.3g s, in round %d of step %lld",
                        now - waiting->since, node->round, (long long)node->step);
     }
-    if (node->held && node->step >= node->granted) {
-        node->next = now + node->scene->network.patience / 4;
+    if (rests) {
+        node->next = now + patience / 2;
         return pm_reporter_flush(&node->reporter);
     }
     if (!pm_waiting_request_due(waiting, now)) {

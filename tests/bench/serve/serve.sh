@@ -1,6 +1,7 @@
 #!/bin/sh
 # serve.sh PORTMETD BENCH CONFIGS [RUNS]: what clients of `portmetd serve` wait for, in a private network (root), with
 # the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked.
+# `chrt -f 1 sh serve.sh ...` measures what a machine without other work does.
 . "$(dirname "$0")/../../support/private_network.sh"
 portmetd=$1
 bench=$2
@@ -22,11 +23,11 @@ resources() {
     done | awk 'NF == 2 {m += $1; t += $2} NF == 1 {f += $1} END {print m " kB, " t " threads, " f " files"}'
 }
 
-# ticks: the processor time of all processes so far, in ms.
-ticks() {
+# busy: the processor time of all processes so far, in us.
+busy() {
     for process in $(processes); do
-        cut -d' ' -f14,15 "/proc/$process/stat"
-    done | awk -v unit="$(getconf CLK_TCK)" '{s += $1 + $2} END {printf "%d", 1000 * s / unit}'
+        cut -d' ' -f1 "/proc/$process/schedstat"
+    done | awk '{s += $1 / 1000} END {printf "%d", s}'
 }
 
 serve() {
@@ -40,6 +41,13 @@ serve "$configs/double_pendulum.yaml"
 echo "double pendulum, before: $(resources)"
 "$bench" "$configs/double_pendulum.yaml" "$runs" 200
 echo "double pendulum, after $runs runs: $(resources)"
+kill $service
+wait $service
+
+sed "s#\(weights: \|file: \)#&$configs/#; s/substeps: 16 .*/substeps: 1/" "$configs/double_pendulum.yaml" >"$folder/short.yaml"
+serve "$folder/short.yaml"
+echo "double pendulum with 4 exchanges in a step:"
+"$bench" "$folder/short.yaml" "$runs" 20
 kill $service
 wait $service
 
@@ -59,9 +67,9 @@ ports:
 SCENE
 serve "$folder/idle.yaml"
 sleep 2
-before=$(ticks)
+before=$(busy)
 sleep 60
-echo "idle, $(processes | wc -w) processes: $(($(ticks) - before)) ms of processor time in 60 s"
+echo "idle, $(processes | wc -w) processes: $((($(busy) - before) / 60)) us of processor time in a second"
 "$bench" "$folder/idle.yaml" 1 1
 kill $service
 wait $service
