@@ -21,6 +21,7 @@ typedef struct pm_fit_effort {
     int samples;               // at most so many samples in a batch
     int iterations; // at most so many in each stage; measurements: steps of the continuation in all
     int stages;     // at most so many
+    double seconds; // measurements: of CPU time of the process, after which it ends; 0: no limit
 } pm_fit_effort;
 
 // How good the weights of a fit are on the validation part, or on the training part where there is

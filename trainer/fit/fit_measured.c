@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "base/rng.h"
 #include "data/trained.h"
@@ -276,7 +277,8 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
     const pm_fit_effort *effort = c->fit->arguments->effort;
     if (effort != NULL) {
         pm_shooting_weights(s, c->fit->theta);
-        c->ended = ++c->steps > effort->iterations;
+        c->ended = ++c->steps > effort->iterations ||
+                   (effort->seconds > 0 && (double)clock() > effort->seconds * CLOCKS_PER_SEC);
         return c->ended ? pm_fail(PM_EINTERRUPTED, "a short fit has come to its end") : PM_OK;
     }
     if (point->stage == PM_CONTINUATION_SHORT && m->point[0] == PM_CONTINUATION_STARTS) {

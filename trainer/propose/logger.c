@@ -17,6 +17,7 @@
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define SECONDS 30 // of CPU time of a trial, at most
+#define ENDED 15   // likewise, after which it ends where it is
 // More that is hidden must lower the error by this factor. Columns that are predicted as well as
 // their noise allows, or to this part of their deviation, need nothing more.
 #define BETTER 0.85
@@ -119,7 +120,8 @@ static pm_status try_guesses(hidden_search *s, int from) {
                                   .try_iterations = 4,
                                   .samples = FEWEST_SAMPLES,
                                   .iterations = STEPS,
-                                  .stages = 1};
+                                  .stages = 1,
+                                  .seconds = ENDED};
     const int *vector[MOST_TRIALS] = {NULL};
     int number[MOST_TRIALS] = {0};
     for (int i = from; i < s->count; ++i) {

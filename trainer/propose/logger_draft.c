@@ -176,7 +176,15 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     if (f == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be written", path);
     }
-    const double wanted = ceil(d->dt * v->fastest / (v->noisy ? COARSE : FINE));
+    double fastest = v->fastest;
+    for (int c = 0; c < v->nvariable; ++c) {
+        // An inertia that depends on an angle changes as fast as the angle turns.
+        if (v->column[c].mate >= 0 && v->turns[c] && v->column[v->column[c].mate].angle) {
+            fastest =
+                fmax(fastest, v->column[c].deviation * v->column[v->column[c].mate].harmonics);
+        }
+    }
+    const double wanted = ceil(d->dt * fastest / (v->noisy ? COARSE : FINE));
     int shortest = d->ntime;
     bool surroundings = false, level = false;
     for (int i = 0; i < d->ntrajectory; ++i) {
@@ -611,13 +619,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
         for (int k = 0; k < v->nconverter && !lossy; ++k) {
             const pm_logger_converter *turn = &v->converter[k];
             const pm_logger_column *one = &v->column[turn->one], *other = &v->column[turn->other];
-            bool again = false;
-            for (int j = 0; j < k; ++j) {
-                const pm_logger_converter *before = &v->converter[j];
-                again = again || (before->input == input && before->one == turn->other &&
-                                  before->other == turn->one);
-            }
-            if (turn->input == input && one->part == part && !again) {
+            if (turn->input == input && one->part == part) {
                 char both[PM_LOGGER_TEXT];
                 snprintf(both, sizeof both, "%.40s_%.40s_%.40s", u, one->name, other->name);
                 fprintf(w->model, "%s[a.%s, a.%s, \"%s*b.dE.x\"]", some ? ", " : first, one->name,

@@ -129,6 +129,12 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     fprintf(w->model, "      - \"inverse_%s*%.6g*ln(%.6g/%s)\"\n", T, T0, T0, T);
 }
 
+// Makes "sin1" the name of function k of a series: sin1, cos1, sin2, cos2, ...
+static void harmonic(char *sine, int k) {
+    memcpy(sine, k % 2 == 0 ? "sin" : "cos", strlen("sin"));
+    sine[strlen("sin")] = (char)('1' + k / 2);
+}
+
 // Writes a sum over the positions of a part with learned coefficients of some size, "" or " +
 // sin1_name*...": sines and cosines of angles, and first and second powers of lengths if `lengths`
 // is true. `prefix` is that of the positions. Only position `alone` counts unless it is -1.
@@ -136,8 +142,7 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
                         bool lengths, int alone, double size) {
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *q = &w->v->column[c];
-        static const char *const kinds[2][4] = {{"first", "second", "third", "fourth"},
-                                                {"sin1", "cos1", "sin2", "cos2"}};
+        static const char *const powers[] = {"first", "second"};
         const double d = fmax(fabs(q->least), fabs(q->largest));
         char both[PM_LOGGER_TEXT];
         if (!pm_logger_is(w->v, c, part, PM_LOGGER_POSITION) || (!q->angle && !lengths) ||
@@ -145,8 +150,10 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
             continue;
         }
         snprintf(both, sizeof both, "%.40s_by_%.40s", name, q->name);
-        for (int k = 0; k < (q->angle ? 4 : 2); ++k) {
-            const char *kind = kinds[q->angle][k];
+        for (int k = 0; k < (q->angle ? 2 * q->harmonics : 2); ++k) {
+            char sine[] = "sin1";
+            harmonic(sine, k);
+            const char *kind = q->angle ? sine : powers[k];
             fprintf(w->model, " + %s*", pm_logger_number(w, kind, both, 0, size));
             if (q->angle) {
                 fprintf(w->model, "%.3s(%d*%s%s)", kind, 1 + k / 2, prefix, q->name);
@@ -322,12 +329,13 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                              : 0;
         }
         if (q->angle) {
-            const double start[] = {-stiffness * cos(q->mean), -stiffness * sin(q->mean)};
-            static const char *const kinds[] = {"cos1", "sin1", "cos2", "sin2"};
-            for (int k = 0; k < 4; ++k) {
+            const double start[] = {-stiffness * sin(q->mean), -stiffness * cos(q->mean)};
+            for (int k = 0; k < 2 * q->harmonics; ++k) {
+                char kind[] = "sin1";
+                harmonic(kind, k);
                 fprintf(w->model, "%s%s*%.3s(%d*%s)", k > 0 ? " + " : "      - \"",
-                        pm_logger_number(w, kinds[k], q->name, k < 2 ? start[k] : 0, energy_of(v)),
-                        kinds[k], 1 + k / 2, q->name);
+                        pm_logger_number(w, kind, q->name, k < 2 ? start[k] : 0, energy_of(v)),
+                        kind, 1 + k / 2, q->name);
             }
         } else {
             const double d = fmax(fabs(q->least), fabs(q->largest));

@@ -19,7 +19,7 @@
 #define STAIRCASE 0.3      // of all steps: a column that stays as it is so often is held
 #define JUMP 0.2           // of the deviation: a staircase without hints jumps so far
 #define REGRESSED 400      // windows of a trajectory, at most
-#define CHANGE 30.0        // of the noise: windows are so long that changes are larger
+#define CHANGE 10.0        // of the noise: windows are so long that changes are larger
 #define LONGEST_CHANGE 0.3 // of the deviation: windows are no longer than such changes take
 
 enum { FOURTH = 4, SIXTH = 6 };
@@ -94,17 +94,17 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
     return stays && jump > JUMP * column->deviation;
 }
 
-// Chooses the number of samples in a window: so many that the variables change by more than their
-// noise.
-static int choose_window(const pm_logger_samples *w) {
+int pm_logger_window(const pm_logger_samples *w, int target) {
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     int longest = 1;
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];
+        // What nobody measures is a mixture of the others.
+        const bool counts = c == target || view->column[target].source == NULL;
         double change = 0;
         int m = 1;
-        for (; column->noise > 0 && column->source != NULL && m < d->ntime / 4; m *= 2) {
+        for (; counts && column->noise > 0 && column->source != NULL && m < d->ntime / 4; m *= 2) {
             double square = 0;
             int count = 0;
             for (int i = 0; i < d->ntrajectory; ++i) {
@@ -126,8 +126,7 @@ static int choose_window(const pm_logger_samples *w) {
 
 // Fills the windows: the duration, the integrals of all columns, whose means are subtracted and
 // which are divided by their deviations, and the changes of all columns.
-void pm_logger_divide(pm_logger_samples *w) {
-    const int length = choose_window(w);
+static void divide(pm_logger_samples *w, int length) {
     w->length = length;
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
@@ -164,6 +163,10 @@ void pm_logger_divide(pm_logger_samples *w) {
 double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient) {
     pm_least_squares *s = w->squares;
     double x[1 + PM_LOGGER_COLUMNS], solution[1 + PM_LOGGER_COLUMNS];
+    const int length = pm_logger_window(w, target);
+    if (w->length != length) {
+        divide(w, length);
+    }
     memset(s, 0, sizeof *s);
     for (int c = 0; c < w->nfeature; ++c) {
         s->n += c == 0 || used[c - 1];
@@ -189,7 +192,7 @@ void pm_logger_regress_all(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     bool used[PM_LOGGER_COLUMNS];
     double coefficient[1 + PM_LOGGER_COLUMNS];
-    pm_logger_divide(w);
+    w->length = 0;
     for (int i = 0; i < view->nvariable; ++i) {
         for (int j = 0; j < view->ncolumn; ++j) {
             used[j] = true;

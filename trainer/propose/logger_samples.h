@@ -15,7 +15,7 @@ typedef struct pm_logger_samples {
     double *value;                 // [nrow][PM_LOGGER_COLUMNS]
     double *time;                  // [nrow] s; NaN after the end of a trajectory
     double *sort;                  // [nrow]
-    int nwindow, nfeature, length; // windows, their features and samples
+    int nwindow, nfeature, length; // windows, their features and samples; length 0: to be divided
     double *window; // [nwindow][nfeature + PM_LOGGER_COLUMNS] integrals, then changes
     pm_least_squares *squares;
 } pm_logger_samples;
@@ -36,8 +36,9 @@ bool pm_logger_measure(const pm_logger_samples *w, int c);
 // Finds out whether times are even and whether all samples are there, and the noise of variables.
 void pm_logger_find_noise(pm_logger_samples *w);
 
-// Divides the samples into windows.
-void pm_logger_divide(pm_logger_samples *w);
+// Returns the number of samples in a window for regressions of a variable: so many that it changes
+// by more than its noise.
+int pm_logger_window(const pm_logger_samples *w, int target);
 
 // Regresses the changes of a variable on the integrals of the columns in `used`, and on the
 // duration, with all windows. Columns count relative to their mean and deviation. Writes

@@ -5,17 +5,21 @@
 #include <string.h>
 
 #define MOST (1 + PM_LOGGER_COLUMNS + 16) // terms of a regression
-#define KEPT_BACK 5                       // each fifth trajectory judges
-#define RIDGE 1e-9                        // of the diagonal of the normal equations
-#define GAINS 2e-3 // of the changes: terms that explain less on trajectories kept back are none
+#define FEWEST_HARMONICS 2
+#define MOST_HARMONICS 6
+#define KEPT_BACK 5 // each fifth trajectory judges
+#define RIDGE 1e-9  // of the diagonal of the normal equations
+#define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
+#define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
 #define PUSHES 0.1 // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
-typedef enum atom_kind { VALUE, SIZE, SINE, COSINE, SINE_2, COSINE_2, SQUARE } atom_kind;
+typedef enum atom_kind { VALUE, SIZE, SQUARE, SINE, COSINE } atom_kind;
 
 typedef struct atom {
     int column;
     atom_kind kind;
+    int harmonic; // of SINE and COSINE
 } atom;
 
 // A product of two factors.
@@ -37,13 +41,9 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
     case SIZE:
         return fabs(y);
     case SINE:
-        return sin(raw);
+        return sin(a.harmonic * raw);
     case COSINE:
-        return cos(raw);
-    case SINE_2:
-        return sin(2 * raw);
-    case COSINE_2:
-        return cos(2 * raw);
+        return cos(a.harmonic * raw);
     case SQUARE:
         return y * y;
     case VALUE:
@@ -56,6 +56,7 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
 typedef struct equations {
     int n;
     double matrix[MOST][MOST], right[MOST], square;
+    double rest; // what known terms leave unexplained
 } equations;
 
 static void add_equation(equations *e, const double *x, double y) {
@@ -105,15 +106,16 @@ static double rest_of(const equations *learn, const equations *judge, int n, dou
     return judge->square > 0 ? rest / judge->square : 1;
 }
 
-// Returns how much of the changes of variable `target` the terms explain beside all columns, on the
-// trajectories that are kept back. Writes the coefficient of the last term, unless it is NULL.
-static double gain_of(const pm_logger_samples *w, int target, const term_list *list,
+// Returns how much of the changes of variable `target` the terms explain beside all columns and the
+// first `known` terms of the list, on the trajectories that are kept back. Writes the coefficient
+// of the last term, unless it is NULL.
+static double gain_of(const pm_logger_samples *w, int target, const term_list *list, int known,
                       equations *learn, double *coefficient) {
     const pm_logger_view *v = w->view;
     const pm_dataset *d = v->dataset;
-    const int length = w->length, base = 1 + v->ncolumn;
+    const int length = pm_logger_window(w, target), base = 1 + v->ncolumn;
     equations *judge = learn + 1;
-    if (list->count == 0 || base + list->count > MOST) {
+    if (list->count == known || base + list->count > MOST) {
         return 0;
     }
     memset(learn, 0, 2 * sizeof *learn);
@@ -149,8 +151,9 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
         }
     }
     double x[MOST];
-    const double without = rest_of(learn, judge, base, x);
+    const double without = rest_of(learn, judge, base + known, x);
     const double with = rest_of(learn, judge, learn->n, x);
+    learn->rest = without;
     if (coefficient != NULL) {
         *coefficient = x[learn->n - 1];
     }
@@ -159,7 +162,15 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
 
 static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind other) {
     if (list->count < MOST) {
-        list->item[list->count++] = (regressor){{{a, one}, {b, other}}};
+        list->item[list->count++] = (regressor){{{a, one, 0}, {b, other, 0}}};
+    }
+}
+
+// Adds products of a factor with sines and cosines of an angle.
+static void add_angle(term_list *list, int column, atom_kind kind, int angle, int first, int last) {
+    for (int k = 2 * first; k < 2 * last + 2 && list->count < MOST; ++k) {
+        list->item[list->count++] =
+            (regressor){{{column, kind, 0}, {angle, k % 2 == 0 ? SINE : COSINE, k / 2}}};
     }
 }
 
@@ -172,9 +183,7 @@ static void add_positions(const pm_logger_view *v, term_list *list, int part, in
             continue;
         }
         if (c->angle) {
-            for (atom_kind k = SINE; k <= COSINE_2; ++k) {
-                add_term(list, column, kind, q, k);
-            }
+            add_angle(list, column, kind, q, 1, FEWEST_HARMONICS);
         } else if (lengths) {
             add_term(list, column, kind, q, VALUE);
             add_term(list, column, kind, q, SQUARE);
@@ -182,10 +191,60 @@ static void add_positions(const pm_logger_view *v, term_list *list, int part, in
     }
 }
 
+static void add_valve(term_list *list, const pm_logger_action *action) {
+    add_term(list, action->input, VALUE, action->target, VALUE);
+    add_term(list, action->input, SIZE, action->target, VALUE);
+    add_term(list, action->input, VALUE, action->input, SIZE);
+    add_term(list, action->input, VALUE, action->target, SQUARE);
+}
+
+// Finds how many harmonics of its angle the inertia of co-energy i shows, and the levers by which
+// inputs act on it.
+static void find_harmonics(const pm_logger_samples *w, int i, equations *work) {
+    const pm_logger_view *v = w->view;
+    const int angle = v->column[i].mate;
+    int *most = &w->view->column[angle].harmonics;
+    bool more = true;
+    while (more && *most < MOST_HARMONICS) {
+        term_list turning = {0};
+        int known = 0;
+        for (int first = 1; first <= *most + 1; first += *most) { // what is known, what comes next
+            const int last = first == 1 ? *most : *most + 2;
+            known = turning.count;
+            add_angle(&turning, i, SQUARE, angle, first, last);
+            for (int a = 0; a < v->naction; ++a) {
+                if (v->action[a].target == i && v->action[a].effect == PM_LOGGER_GAIN) {
+                    add_angle(&turning, v->action[a].input, VALUE, angle, first, last);
+                }
+            }
+        }
+        const double gain = gain_of(w, i, &turning, known, work, NULL);
+        more = gain > GAINS || gain > PART * work->rest;
+        *most += more ? 2 : 0;
+    }
+}
+
+// Returns true if the product of input u and variable j moves variable i, beside valves.
+static bool converts(const pm_logger_samples *w, int u, int i, int j, equations *work) {
+    const pm_logger_view *v = w->view;
+    term_list product = {0};
+    for (int a = 0; a < v->naction; ++a) {
+        if (v->action[a].target == i && v->action[a].valve) {
+            add_valve(&product, &v->action[a]);
+        }
+    }
+    const int first = product.count;
+    add_term(&product, u, VALUE, j, VALUE);
+    return gain_of(w, i, &product, first, work, NULL) > GAINS;
+}
+
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 2, sizeof *work);
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
+    for (int c = 0; c < v->nvariable; ++c) {
+        v->column[c].harmonics = FEWEST_HARMONICS;
+    }
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];
@@ -194,12 +253,20 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             continue;
         }
         add_positions(v, &lever, y->part, action->input, VALUE, true);
-        action->lever = gain_of(w, action->target, &lever, work, NULL) > GAINS;
-        add_term(&valve, action->input, VALUE, action->target, VALUE);
-        add_term(&valve, action->input, SIZE, action->target, VALUE);
-        add_term(&valve, action->input, VALUE, action->input, SIZE);
-        add_term(&valve, action->input, VALUE, action->target, SQUARE);
-        action->valve = y->mate < 0 && gain_of(w, action->target, &valve, work, NULL) > GAINS;
+        action->lever = gain_of(w, action->target, &lever, 0, work, NULL) > GAINS;
+        add_valve(&valve, action);
+        action->valve = y->mate < 0 && gain_of(w, action->target, &valve, 0, work, NULL) > GAINS;
+    }
+    // One valve may move two chambers.
+    for (int a = 0; a < v->naction; ++a) {
+        for (int b = 0; b < v->naction; ++b) {
+            const pm_logger_action *one = &v->action[a], *other = &v->action[b];
+            v->action[a].valve =
+                one->valve || (other->valve && one->input == other->input &&
+                               one->effect == PM_LOGGER_GAIN && v->column[one->target].mate < 0 &&
+                               pm_unit_equal(&v->column[one->target].dimension,
+                                             &v->column[other->target].dimension));
+        }
     }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
@@ -208,14 +275,16 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
         term_list turning = {0};
         if (y->mate >= 0) {
-            for (atom_kind k = SINE; k <= COSINE_2 && v->column[y->mate].angle; ++k) {
-                add_term(&turning, i, SQUARE, y->mate, k);
-            }
-            if (!v->column[y->mate].angle) {
+            if (v->column[y->mate].angle) {
+                add_angle(&turning, i, SQUARE, y->mate, 1, FEWEST_HARMONICS);
+            } else {
                 add_term(&turning, i, SQUARE, y->mate, VALUE);
                 add_term(&turning, i, SQUARE, i, SIZE);
             }
-            v->turns[i] = gain_of(w, i, &turning, work, NULL) > GAINS;
+            v->turns[i] = gain_of(w, i, &turning, 0, work, NULL) > GAINS;
+            if (v->turns[i] && v->column[y->mate].angle) {
+                find_harmonics(w, i, work);
+            }
         } else {
             // A capacity that depends on positions divides all that moves the variable.
             for (int j = 0; j < v->ncolumn; ++j) {
@@ -223,7 +292,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     add_positions(v, &turning, y->part, j, VALUE, true);
                 }
             }
-            v->turns[i] = gain_of(w, i, &turning, work, NULL) > GAINS;
+            v->turns[i] = gain_of(w, i, &turning, 0, work, NULL) > GAINS;
             double rate = 0;
             int count = 0;
             const pm_dataset *d = v->dataset;
@@ -247,12 +316,11 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             if (y->mate < 0 || other->mate < 0) {
                 add_positions(v, &crank, y->part, j, VALUE, false);
             }
-            v->crank[i][j] = gain_of(w, i, &crank, work, NULL) > GAINS;
+            v->crank[i][j] = gain_of(w, i, &crank, 0, work, NULL) > GAINS;
             for (int u = v->nvariable; u < v->ncolumn; ++u) {
-                term_list product = {0};
-                add_term(&product, u, VALUE, j, VALUE);
-                if (v->nconverter < PM_LOGGER_ACTIONS &&
-                    gain_of(w, i, &product, work, NULL) > GAINS) {
+                // Without loss each of the two moves the other.
+                if (i < j && v->nconverter < PM_LOGGER_ACTIONS && converts(w, u, i, j, work) &&
+                    converts(w, u, j, i, work)) {
                     v->converter[v->nconverter++] = (pm_logger_converter){u, i, j};
                 }
             }
@@ -262,7 +330,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 term_list heat = {0};
                 double rise = 0;
                 add_term(&heat, i, SIZE, i, SIZE);
-                v->warms[i][t] = gain_of(w, t, &heat, work, &rise) > GAINS && rise > 0;
+                v->warms[i][t] = gain_of(w, t, &heat, 0, work, &rise) > GAINS && rise > 0;
                 if (v->warms[i][t] && v->column[t].free_scale) {
                     // The power of the loss gives the scale of all capacities.
                     const double size = fmax(fabs(y->least), fabs(y->largest));

@@ -115,7 +115,7 @@ static int add_hidden(pm_logger_samples *w, int p, const char *suffix, const cha
         }
     }
     (void)pm_logger_measure(w, c);
-    pm_logger_divide(w);
+    w->length = 0;
     return c;
 }
 
@@ -127,7 +127,7 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
         row[hidden] = (row[hidden] + b * row[y]) / scale;
     }
     (void)pm_logger_measure(w, hidden);
-    pm_logger_divide(w);
+    w->length = 0;
 }
 
 // Adds the hidden variable of a guess. From y'' + c1 y' + c0 y = ..., a linear regression, follow
@@ -294,7 +294,7 @@ static void add_cell(pm_logger_samples *w, int y, int u, double jump, int pairs)
         pair->least = -pair->deviation;
         pair->largest = pair->deviation;
     }
-    pm_logger_divide(w);
+    w->length = 0;
 }
 
 // Finds positions with their velocities, then gives each variable its kind.
@@ -305,7 +305,7 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     for (int c = 0; c < view->ncolumn; ++c) {
         fluid = fluid || has_unit(&view->column[c], "m^3/s");
     }
-    pm_logger_divide(w);
+    w->length = 0;
     // The best pairs first.
     for (int pairs = 0; pairs < view->nvariable; ++pairs) {
         int q = -1, v = -1;

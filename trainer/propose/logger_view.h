@@ -48,6 +48,7 @@ typedef struct pm_logger_column {
     const char *unit;   // SI; values of the dataset are converted
     pm_unit dimension;
     bool angle;
+    int harmonics; // of an angle: of energies, inertias and levers that depend on it
     pm_logger_kind kind;
     int mate;   // of a position its velocity, of a velocity its position; -1
     int behind; // of a hidden variable that is no rate: the measured one that it moves; -1
