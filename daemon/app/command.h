@@ -36,6 +36,7 @@ typedef struct pm_run_options {
     int64_t port, udp; // numbers of ports; 0: not given
     int64_t copies;    // of the scene; 0: a run of one, or as many as `starts` has
     bool in_process, quiet, overwrite;
+    bool compiled;            // models become machine code
     bool stays;               // a node serves one run after another
     bool elsewhere;           // nobody launches the nodes here
     bool held, endless, wait; // a run is held at its start; it has no last step; until it ends
@@ -80,6 +81,8 @@ enum {
     PM_OPTION_HELD = 1 << 29,
     PM_OPTION_STUDY = 1 << 30 // --budget, --seed, --write, --picture, --json
 };
+
+#define PM_OPTION_COMPILED (1U << 31)
 
 typedef struct pm_command {
     const char *name;

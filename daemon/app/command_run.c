@@ -485,7 +485,7 @@ const pm_command pm_command_run = {
                 "portmetd run configs/double_pendulum.yaml --copies 1000 --record copies.h5",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
                PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
-               PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
+               PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET | PM_OPTION_COMPILED,
     .execute = execute_run,
 };
 
@@ -708,6 +708,6 @@ const pm_command pm_command_serve = {
         "run fails and the next one can be started.",
     .examples = "portmetd serve configs/double_pendulum.yaml --record recordings",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE,
+               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE | PM_OPTION_COMPILED,
     .execute = execute_serve,
 };

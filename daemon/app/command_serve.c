@@ -128,7 +128,7 @@ const pm_command pm_command_node = {
             "starts it again within the scene's `patience`.",
     .examples = "portmetd node configs/double_pendulum.yaml upper",
     .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_LOG | PM_OPTION_STAYS,
+               PM_OPTION_LOG | PM_OPTION_STAYS | PM_OPTION_COMPILED,
     .execute = execute_node,
 };
 

@@ -17,7 +17,7 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 44, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 45, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -49,6 +49,10 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .help = "let --record replace a file that is not a recording"}},
         {PM_OPTION_WEIGHTS,
          text_option("--weights", "DIR", &run->weights, "take the weights files from DIR")},
+        {PM_OPTION_COMPILED,
+         {.name = "--compiled",
+          .on = &run->compiled,
+          .help = "compile the models to machine code, which is kept in ~/.cache/portmet"}},
         {PM_OPTION_URL,
          text_option("--url", "URL", &run->url, "LCM provider, or mpi://, instead of the scene's")},
         {PM_OPTION_IN_PROCESS,

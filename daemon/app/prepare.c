@@ -14,6 +14,7 @@ pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose 
     PM_TRY(options->text == NULL ? pm_scene_load(&scene, options->scene)
                                  : pm_scene_parse(&scene, options->text, options->scene));
     PM_TRY(pm_setup_open(setup, scene, options->weights));
+    setup->system->compiled = options->compiled;
     PM_TRY(pm_connect_check(scene));
     if (options->url != NULL) {
         PM_TRY(pm_transport_check(options->url));

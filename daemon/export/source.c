@@ -74,14 +74,14 @@ typedef struct blueprint {
 } blueprint;
 
 static void add_input(blueprint *b, const char *name, pm_node node, int size) {
-    b->input[b->nin++] = (pm_source_argument){name, node, size};
+    b->input[b->nin++] = (pm_source_argument){name, node, size, 0};
 }
 
 static void add_output(blueprint *b, const char *name, pm_node node, int size) {
     // A result may be shared by all items of a batch, or a number for all columns.
     const pm_shape shape = {true, 1, size};
     b->output[b->nout++] = (pm_source_argument){
-        name, node == PM_NO_NODE ? PM_NO_NODE : pm_broadcast_to(b->g, node, shape), size};
+        name, node == PM_NO_NODE ? PM_NO_NODE : pm_broadcast_to(b->g, node, shape), size, 0};
 }
 
 // Replaces each result y by its derivative along a direction of all inputs, sum_x dy/dx d_x.
@@ -123,9 +123,9 @@ static pm_status write_function(scene_writer *w, FILE *file, const blueprint *b,
     char *text = NULL;
     size_t size = 0;
     FILE *memory = open_memstream(&text, &size);
-    pm_status status = memory == NULL
-                           ? pm_fail(PM_ENOMEM, "out of memory for a source file")
-                           : pm_source_write(memory, b->g, b->nin, b->input, b->nout, b->output);
+    pm_status status =
+        memory == NULL ? pm_fail(PM_ENOMEM, "out of memory for a source file")
+                       : pm_source_write(memory, b->g, NULL, b->nin, b->input, b->nout, b->output);
     if (memory != NULL && fclose(memory) != 0 && status == PM_OK) {
         status = pm_fail(PM_ENOMEM, "out of memory for a source file");
     }

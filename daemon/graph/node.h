@@ -5,6 +5,7 @@
 
 #include <stddef.h>
 
+#include "base/arena.h"
 #include "graph/graph.h"
 
 // The elementwise operations. A line defines an operation completely: its kernel, its derivative
@@ -108,5 +109,22 @@ typedef struct pm_operation {
 } pm_operation;
 
 extern const pm_operation pm_operations[PM_OP_COUNT];
+
+struct pm_program {
+    pm_arena arena;
+    double *memory;
+    size_t memory_size; // numbers
+    int ninstruction, nfixed;
+    pm_instruction *instruction; // [ninstruction]; the first `nfixed` depend on weights alone
+    int nnode;
+    double **value; // [nnode] where a node's numbers live; NULL: not part of the program
+    bool *needed;   // [nnode] whether an output needs the node
+    bool *fixed;    // [nnode] whether its numbers depend on weights alone
+    int capacity;
+    int noutput;
+    pm_node *output; // [noutput]
+    // Computes what depends on inputs, as compiled code (compile.h); NULL: the instructions do.
+    void (*kernel)(double *memory);
+};
 
 #endif

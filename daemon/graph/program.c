@@ -13,18 +13,6 @@
 
 #define ALIGNMENT ((size_t)8) // in numbers: one cache line
 
-struct pm_program {
-    pm_arena arena;
-    double *memory;
-    size_t memory_size; // numbers
-    int ninstruction, nfixed;
-    pm_instruction *instruction; // [ninstruction]; the first `nfixed` depend on weights alone
-    int nnode;
-    double **value; // [nnode] where a node's numbers live; NULL: not part of the program
-    bool *needed;   // [nnode] whether an output needs the node
-    int capacity;
-};
-
 // --- a free list of memory intervals ---
 
 typedef struct interval {
@@ -350,11 +338,15 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     plan->place = calloc(nnode, sizeof *plan->place);
     p->value = pm_arena_array(&p->arena, nnode, sizeof *p->value);
     p->needed = pm_arena_array(&p->arena, nnode, sizeof *p->needed);
+    p->fixed = pm_arena_array(&p->arena, nnode, sizeof *p->fixed);
+    p->output = pm_arena_array(&p->arena, (size_t)count, sizeof *p->output);
     p->instruction = pm_arena_array(&p->arena, nnode, sizeof *p->instruction);
     PM_TRY(pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode));
     if (plan->place == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a program of %d nodes", plan->nnode);
     }
+    p->noutput = count;
+    memcpy(p->output, output, (size_t)count * sizeof *output);
     find_needed(plan, count, output);
     if (!place_nodes(plan)) {
         return pm_fail(PM_ENOMEM, "out of memory for planning %d nodes", plan->nnode);
@@ -370,6 +362,7 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
         for (pm_node x = 0; x < plan->nnode; ++x) {
             const pm_graph_node *node = pm_graph_node_at(plan->g, x);
             p->needed[x] = plan->place[x].needed;
+            p->fixed[x] = plan->place[x].fixed;
             if (p->needed[x] && plan->place[x].fixed == (fixed == 1) && !is_leaf(node->op) &&
                 !is_view(plan, node)) {
                 emit(p, plan, x);
@@ -461,6 +454,10 @@ void pm_program_prepare(pm_program *program) {
 
 void pm_program_run_prepared(pm_program *program, int batch) {
     assert(batch > 0 && batch <= program->capacity);
+    if (program->kernel != NULL) {
+        program->kernel(program->memory);
+        return;
+    }
     run(program, program->nfixed, program->ninstruction, batch);
 }
 

@@ -34,6 +34,7 @@ typedef struct writer {
     pm_arena arena;
     value **number;    // [nodes][rows * cols]; NULL: the node is not needed
     const char **name; // [nodes] name of the node's array in the source; NULL: it has none
+    int *step;         // [nodes] distance of the numbers in this array; 0: one by one
     bool *read;        // [nodes] a statement reads the node's array
     int ncopy;         // constant arrays so far, which gather numbers from other arrays
 } writer;
@@ -55,7 +56,8 @@ static void put(writer *w, value n) {
     if (n.node == PM_NO_NODE) {
         pm_source_number(w->file, n.literal);
     } else {
-        fprintf(w->file, "%s[%d]", w->name[n.node], n.at);
+        const int step = w->step[n.node];
+        fprintf(w->file, "%s[%d]", w->name[n.node], step > 0 ? n.at * step : n.at);
         w->read[n.node] = true;
     }
 }
@@ -97,7 +99,8 @@ static const char *array_of(writer *w, pm_node x) {
     const char *text;
     bool is_contiguous = n[0].node != PM_NO_NODE, is_literal = true;
     for (int i = 0; i < count; ++i) {
-        is_contiguous = is_contiguous && n[i].node == n[0].node && n[i].at == n[0].at + i;
+        is_contiguous = is_contiguous && n[i].node == n[0].node && n[i].at == n[0].at + i &&
+                        w->step[n[0].node] == 0;
         is_literal = is_literal && n[i].node == PM_NO_NODE;
     }
     if (is_contiguous) {
@@ -483,7 +486,7 @@ static pm_status check_product(const pm_graph *g, pm_node x) {
                    node->shape.rows, k, node->shape.cols, PM_SMALL_PRODUCT);
 }
 
-pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
+pm_status pm_source_write(FILE *file, const pm_graph *graph, const double *const *known, int nin,
                           const pm_source_argument *input, int nout,
                           const pm_source_argument *output) {
     const int nnode = pm_graph_size(graph);
@@ -492,6 +495,7 @@ pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
     bool *needed = pm_arena_array(&w.arena, (size_t)nnode + 1, sizeof *needed);
     w.number = pm_arena_array(&w.arena, (size_t)nnode + 1, sizeof *w.number);
     w.name = pm_arena_array(&w.arena, (size_t)nnode + 1, sizeof *w.name);
+    w.step = pm_arena_array(&w.arena, (size_t)nnode + 1, sizeof *w.step);
     w.read = pm_arena_array(&w.arena, (size_t)nnode + 1, sizeof *w.read);
     w.arena.failed = w.arena.failed || pm_graph_exhausted(graph);
     PM_TRY_DONE(pm_arena_status(&w.arena, "a source file"));
@@ -503,7 +507,8 @@ pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
     }
     for (pm_node x = nnode - 1; x >= 0; --x) {
         const pm_graph_node *node = pm_graph_node_at(graph, x);
-        for (int i = 0; needed[x] && i < node->noperand; ++i) {
+        const bool computed = needed[x] && (known == NULL || known[x] == NULL);
+        for (int i = 0; computed && i < node->noperand; ++i) {
             needed[node->operand[i]] = true;
         }
     }
@@ -512,6 +517,7 @@ pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
         fprintf(file, "%sconst double *restrict %s", i == 0 ? "(" : ", ", input[i].name);
         if (input[i].node != PM_NO_NODE) {
             w.name[input[i].node] = input[i].name;
+            w.step[input[i].node] = input[i].step;
         }
     }
     for (int i = 0; i < nout; ++i) {
@@ -523,17 +529,24 @@ pm_status pm_source_write(FILE *file, const pm_graph *graph, int nin,
     }
     // The statements.
     for (pm_node x = 0; x < nnode; ++x) {
+        const bool is_known = known != NULL && known[x] != NULL;
         if (needed[x]) {
-            PM_TRY_DONE(check_product(graph, x));
             w.number[x] = pm_arena_array(&w.arena, (size_t)entries(&w, x), sizeof *w.number[x]);
             PM_TRY_DONE(pm_arena_status(&w.arena, "a source file"));
+        }
+        for (int i = 0; needed[x] && is_known && i < entries(&w, x); ++i) {
+            w.number[x][i] = literal(known[x][i]);
+        }
+        if (needed[x] && !is_known) {
+            PM_TRY_DONE(check_product(graph, x));
             rules[pm_graph_node_at(graph, x)->op](&w, x);
         }
     }
     PM_TRY_DONE(pm_arena_status(&w.arena, "a source file"));
     for (int i = 0; i < nout; ++i) {
         for (int k = 0; k < output[i].size; ++k) {
-            fprintf(file, "    %s[%d] = ", output[i].name, k);
+            fprintf(file, "    %s[%d] = ", output[i].name,
+                    output[i].step > 0 ? k * output[i].step : k);
             put(&w, output[i].node == PM_NO_NODE ? literal(0) : w.number[output[i].node][k]);
             fputs(";\n", file);
         }

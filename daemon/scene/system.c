@@ -593,6 +593,7 @@ pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, 
     *scene = *system->scene;
     scene->physics = physics;
     *to = (pm_system){.scene = scene,
+                      .compiled = system->compiled,
                       .part = part,
                       .port = port,
                       .part_owner = part_owner,

@@ -29,6 +29,7 @@ typedef struct pm_system {
     int *part_owner;            // [nsubsystem] the subsystem that owns the model of each
     int *port_owner;            // [nport]
     const pm_solid_mesh **mesh; // [nsubsystem] of each solid; NULL: the subsystem is no solid
+    bool compiled; // engines of the system compile its models (graph/compile.h); false at first
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.
     uint64_t digest;
 } pm_system;

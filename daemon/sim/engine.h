@@ -25,7 +25,7 @@
 #define PM_SIM_ENGINE_H
 
 #include "base/lanes.h"
-#include "graph/program.h"
+#include "graph/compile.h"
 #include "model/training_range.h"
 #include "sim/invariant_projection.h"
 #include "sim/iteration.h"
@@ -141,8 +141,9 @@ typedef struct pm_remote {
 struct pm_model {
     const pm_system *system; // borrowed
     pm_arena arena;
-    int count;     // subsystems here
-    const int *id; // [count] their positions in the scene, ascending
+    pm_compiler *compiler; // of all graphs while they are opened; NULL: they are interpreted
+    int count;             // subsystems here
+    const int *id;         // [count] their positions in the scene, ascending
     const pm_integrator *integrator;
     const pm_method *method;
     int ngroup, nport_group;

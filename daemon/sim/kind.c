@@ -152,6 +152,11 @@ static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int w
         pm_program_close(group->exposure);
         group->exposure = NULL;
     }
+    if (group->exposure != NULL) {
+        PM_TRY_DONE(pm_compiler_add(m->compiler, group->exposure, exposure));
+        PM_TRY_DONE(pm_compiler_add(m->compiler, group->bulk, bulk));
+        PM_TRY_DONE(pm_compiler_add(m->compiler, group->release, release));
+    }
 done:
     pm_graph_close(exposure);
     pm_graph_close(bulk);

@@ -362,8 +362,9 @@ static pm_status open_law(pm_model *m, pm_port_group *group, bool *served) {
     if (next != PM_NO_NODE) {
         output[count++] = next;
     }
-    const pm_status status =
+    pm_status status =
         count > 0 ? pm_program_open_lanes(&group->law, g, count, output, group->width) : PM_OK;
+    status = status == PM_OK ? pm_compiler_add(m->compiler, group->law, g) : status;
     *served = count == 0 || group->law != NULL;
     for (int end = 0; end < 2 && group->law != NULL; ++end) {
         pm_port_group_end *e = &group->end[end];
@@ -539,6 +540,7 @@ pm_status pm_model_open(pm_model *m, pm_data *d, const pm_system *system, int co
     PM_TRY_DONE(
         pm_system_check_integrator(system, m->integrator, system->scene->physics.integrator_at));
     PM_TRY_DONE(group_subsystems(m, &scratch));
+    PM_TRY_DONE(system->compiled ? pm_compiler_open(&m->compiler) : PM_OK);
     for (int i = 0; i < m->ngroup; ++i) {
         PM_TRY_DONE(open_group(m, &m->group[i]));
     }
@@ -547,6 +549,7 @@ pm_status pm_model_open(pm_model *m, pm_data *d, const pm_system *system, int co
     for (int i = 0; i < m->nport_group; ++i) {
         PM_TRY_DONE(open_port_group(m, &m->port_group[i]));
     }
+    PM_TRY_DONE(system->compiled ? pm_compiler_link(m->compiler) : PM_OK);
     m->ordered = true; // does every subsystem have its ports in the order of the groups?
     const pm_physics *physics = &system->scene->physics;
     for (int i = 0; i < count; ++i) {
@@ -558,6 +561,8 @@ pm_status pm_model_open(pm_model *m, pm_data *d, const pm_system *system, int co
     }
     PM_TRY_DONE(open_data(m, d, &m->arena));
 done:
+    pm_compiler_close(m->compiler);
+    m->compiler = NULL;
     pm_arena_free(&scratch);
     return status;
 }

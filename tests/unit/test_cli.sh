@@ -180,6 +180,9 @@ expect 5 "trajectories, and 9 copies" run "$scene" --copies 9 --starts "$folder/
 expect 4 "copies.h5" run "$scene" --copies 2 --record "$folder/copies.h5"
 expect 2 "--copies" run "$scene" --copies 2 --gate "$folder/gate"
 expect 2 "--copies" run "$scene" --copies 0
+export XDG_CACHE_HOME="$folder/cache"
+succeed "0.000 %" run "$scene" --in-process --compiled
+CC=/nowhere/cc expect 4 "the C compiler /nowhere/cc" run "$scene" --in-process --compiled
 succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
 
 # An integrator that iterates, where springs are a hundred times too hot for its step: a step that does not converge is
