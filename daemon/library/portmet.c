@@ -168,6 +168,31 @@ void portmet_scene_close(portmet_scene *scene) {
     }
 }
 
+static pm_status end_recording(portmet_scene *scene) {
+    pm_recording *recording = scene->run.recording;
+    scene->run.recording = NULL;
+    return pm_recording_close(recording);
+}
+
+int portmet_scene_compile(portmet_scene *scene) {
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    if (scene->remote != NULL) {
+        return leave(scene, pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene)));
+    }
+    pm_local_run compiled;
+    scene->setup.system->compiled = true;
+    pm_status status = end_recording(scene);
+    if (status == PM_OK) {
+        status = pm_local_run_open(&compiled, &scene->setup, PM_LOCAL_UNDO);
+        scene->setup.system->compiled = status == PM_OK;
+        pm_local_run_close(status == PM_OK ? &scene->run : &compiled);
+        scene->run = status == PM_OK ? compiled : scene->run;
+    }
+    return leave(scene, status);
+}
+
 // --- stepping ---
 
 static pm_status take_steps(portmet_scene *scene, int64_t count) {
@@ -192,12 +217,6 @@ int portmet_scene_step(portmet_scene *scene, int64_t count) {
         return PORTMET_EUSAGE;
     }
     return leave(scene, take_steps(scene, count));
-}
-
-static pm_status end_recording(portmet_scene *scene) {
-    pm_recording *recording = scene->run.recording;
-    scene->run.recording = NULL;
-    return pm_recording_close(recording);
 }
 
 static pm_status restart(portmet_scene *scene, const double *z) {

@@ -76,6 +76,14 @@ int portmet_scene_connect(portmet_scene **scene, const char *name, const char *u
                           const char *key_file, const char *record, double patience);
 void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */
 
+/* Compiles the models of a scene that was just opened, with the C compiler $CC or cc, to code that
+ * makes steps faster and has the same bits. It is kept in the folder "portmet" of $XDG_CACHE_HOME,
+ * by default ~/.cache, so that it is compiled once for these models, this compiler and this
+ * processor. Fleets of the scene are compiled as well. The scene is then at step 0, and its arrays
+ * are in other places: call it before you ask for them. PORTMET_EFILE: there is no compiler, or no
+ * folder that belongs to this user alone; the scene is then as it was, at step 0. */
+int portmet_scene_compile(portmet_scene *scene);
+
 /* Takes `count` steps, 0 or more, and returns after the first failure. The failed step is not
  * taken: all arrays have the bits that they had before it, and so have all later steps. A recording
  * that has failed must be ended before the next step. */

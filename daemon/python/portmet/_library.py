@@ -50,6 +50,7 @@ def _load():
         "portmet_scene_parse": (ctypes.c_int, [ctypes.POINTER(scene), text, text, text]),
         "portmet_scene_connect": (ctypes.c_int, [ctypes.POINTER(scene), text, text, text, text, number]),
         "portmet_scene_close": (None, [scene]),
+        "portmet_scene_compile": (ctypes.c_int, [scene]),
         "portmet_scene_step": (ctypes.c_int, [scene, ctypes.c_int64]),
         "portmet_scene_restart": (ctypes.c_int, [scene, ctypes.c_void_p]),
         "portmet_scene_set_state": (ctypes.c_int, [scene, ctypes.c_void_p]),
