@@ -7,6 +7,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/unit.h"
+
 // Keeps ln|x| and x/|x| finite at x = 0. In the unit of x^2 it is far below any length that occurs.
 #define SMALLEST_SQUARE 1e-24
 // Keeps a divided difference finite where both lengths are 0.
@@ -222,26 +224,26 @@ static void discrete_log_distance(pm_graph *g, pm_node weight, pair x, pair y, p
 // The text around and between the names. In the table a longer form stands before its prefixes.
 typedef struct feature_form {
     const char *before, *between, *after; // between: NULL for one name
-    bool scalar;
+    bool scalar, angle; // one number; a function of an angle, which is converted to rad
     pm_node (*build)(pm_graph *g, pm_node x, pm_node y);
     // NULL: the form has no discrete derivative.
     void (*discrete)(pm_graph *g, pm_node weight, pair x, pair y, pm_node *dx, pm_node *dy);
 } feature_form;
 
 static const feature_form forms[] = {
-    {"ln|", "-", "|", true, build_log_distance, discrete_log_distance},
-    {"|", "-", "|", true, build_distance, discrete_distance},
-    {"ln|", NULL, "|", true, build_log_norm, discrete_log_norm},
-    {"|min(", NULL, ",0)|^2", true, build_negative_squared, discrete_negative_squared},
-    {"|min(", NULL, ",0)|", true, build_negative_norm, discrete_negative_norm},
-    {"|", NULL, "|^2", true, build_norm_squared, discrete_norm_squared},
-    {"|", NULL, "|", true, build_norm, discrete_norm},
-    {"<", ",", ">", true, build_product, discrete_product},
-    {"sin(", NULL, ")", false, build_sin, discrete_sin},
-    {"cos(", NULL, ")", false, build_cos, discrete_cos},
-    {"", "/|", "|^2", false, build_inverse, NULL},
-    {"", "/|", "|", false, build_direction, NULL},
-    {"", NULL, "", false, build_raw, discrete_raw},
+    {"ln|", "-", "|", true, false, build_log_distance, discrete_log_distance},
+    {"|", "-", "|", true, false, build_distance, discrete_distance},
+    {"ln|", NULL, "|", true, false, build_log_norm, discrete_log_norm},
+    {"|min(", NULL, ",0)|^2", true, false, build_negative_squared, discrete_negative_squared},
+    {"|min(", NULL, ",0)|", true, false, build_negative_norm, discrete_negative_norm},
+    {"|", NULL, "|^2", true, false, build_norm_squared, discrete_norm_squared},
+    {"|", NULL, "|", true, false, build_norm, discrete_norm},
+    {"<", ",", ">", true, false, build_product, discrete_product},
+    {"sin(", NULL, ")", false, true, build_sin, discrete_sin},
+    {"cos(", NULL, ")", false, true, build_cos, discrete_cos},
+    {"", "/|", "|^2", false, false, build_inverse, NULL},
+    {"", "/|", "|", false, false, build_direction, NULL},
+    {"", NULL, "", false, false, build_raw, discrete_raw},
 };
 
 static bool is_name_character(char c) {
@@ -333,6 +335,8 @@ void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, c
                            g == NULL              ? PM_NO_NODE
                            : vector == PM_NO_NODE ? pm_constant(g, 0, 1, group->size)
                                                   : pm_slice(g, vector, group->first, group->size));
+        const pm_unit unit = pm_unit_parse(group->unit);
+        symbols->symbol[symbols->count - 1].radians = unit.angle ? unit.factor : 1;
     }
 }
 
@@ -342,6 +346,13 @@ void pm_symbols_add_one(pm_symbols *symbols, const char *name, int size, pm_node
     snprintf(symbol->name, sizeof symbol->name, "%s", name);
     symbol->size = size;
     symbol->node = node;
+    symbol->radians = 1;
+}
+
+// Returns the vector of a symbol as a form takes it.
+static pm_node as_taken(pm_graph *g, const feature_form *form, const pm_symbol *x) {
+    const bool converted = form->angle && (x->radians < 1 || x->radians > 1);
+    return converted ? pm_scale(g, x->node, x->radians) : x->node;
 }
 
 static bool is_letter(char c) {
@@ -372,7 +383,7 @@ pm_node pm_feature_build(pm_graph *g, const char *expression, const pm_symbols *
     const pm_status status = parse(expression, symbols, &form, &x, &y);
     assert(status == PM_OK);
     (void)status;
-    return form->build(g, x->node, y->node);
+    return form->build(g, as_taken(g, form, x), as_taken(g, form, y));
 }
 
 bool pm_features_are_discrete(int count, const char *const *expression) {
@@ -401,8 +412,13 @@ void pm_features_discrete(pm_graph *g, int count, const char *const *expression,
         (void)status;
         const ptrdiff_t ix = x - from->symbol, iy = y - from->symbol;
         const int size = form->scalar ? 1 : x->size;
-        form->discrete(g, pm_slice(g, weight, first, size), (pair){x->node, to->symbol[ix].node},
-                       (pair){y->node, to->symbol[iy].node}, &covector[ix], &covector[iy]);
+        const pm_node own = pm_slice(g, weight, first, size);
+        form->discrete(
+            g,
+            form->angle && (x->radians < 1 || x->radians > 1) ? pm_scale(g, own, x->radians) : own,
+            (pair){as_taken(g, form, x), as_taken(g, form, &to->symbol[ix])},
+            (pair){as_taken(g, form, y), as_taken(g, form, &to->symbol[iy])}, &covector[ix],
+            &covector[iy]);
         first += size;
     }
 }

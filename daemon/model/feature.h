@@ -5,7 +5,7 @@
 //   |x-y|  ln|x-y|             the length of a difference, also invariant
 //   |min(x,0)|  |min(x,0)|^2   the length of the negative components of x: zero, with a zero slope,
 //                              while no component is negative
-//   sin(x)  cos(x)             of each component of x, an angle in rad
+//   sin(x)  cos(x)             of each component of x, an angle, in rad or in its unit (deg)
 //   x/|x|  x/|x|^2             vectors along x
 // The names are those of groups, with a prefix where there are two ends ("a.q"), and of co-energies
 // ("dE.s", "a.dE.s"). A new expression is one line in the table of feature.c.
@@ -25,6 +25,7 @@ typedef struct pm_symbol {
     char name[PM_MAX_NAME];
     int size;
     pm_node node;
+    double radians; // of one unit of an angle; 1 for all else
 } pm_symbol;
 
 typedef struct pm_symbols {

@@ -245,7 +245,8 @@ static void mistakes_are_told(void **state) {
         {FIFTY FIFTY FIFTY FIFTY "s", "more than 400 operations"},
     };
     pm_symbols symbols = symbols_of(NULL, PM_NO_NODE);
-    symbols.symbol[symbols.count++] = (pm_symbol){"r", 3, PM_NO_NODE};
+    symbols.symbol[symbols.count++] =
+        (pm_symbol){.name = "r", .size = 3, .node = PM_NO_NODE, .radians = 1};
     for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i) {
         const pm_formula formula = formula_of(bad[i][0]);
         assert_int_equal(pm_formula_check(&formula, &symbols), PM_ECONFIG);

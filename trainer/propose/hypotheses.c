@@ -20,6 +20,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_BOTH] = "of lengths and components",
                                     [PM_BY_SINES] = "of sine and cosine",
                                     [PM_JOINT] = "not apart",
+                                    [PM_APART] = "a sum of functions of one variable each",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_ROOM] = "300 K",
                                     [PM_LARGE] = "larger networks",
@@ -38,6 +39,7 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
                                                    [PM_ASK_ENERGY] = "energy",
                                                    [PM_ASK_ANGLE] = "angles",
                                                    [PM_ASK_KINETIC] = "kinetic energy",
+                                                   [PM_ASK_APART] = "terms of the energy",
                                                    [PM_ASK_TEMPERATURE] = "temperature at first",
                                                    [PM_ASK_SIZE] = "size"};
     const pm_physics *physics = &d->p->scene->physics;
@@ -54,7 +56,8 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     const int id = pm_hypotheses_add(&d->space, name, count, text);
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES;
+                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES ||
+                            answer[i] == PM_APART;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     if (id >= 0) {
@@ -66,6 +69,7 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
 // What the groups of a subsystem, or those that one end of a port exposes, allow to ask.
 typedef struct inventory {
     int coupled;     // components that a learned L may couple
+    int terms;       // groups that share a term of the energy
     int lossy, heat; // components on which friction may act, and of entropies
     bool odd;        // some of the coupled change their sign when time runs backwards
     bool stays;      // friction may act on something that does not
@@ -85,6 +89,7 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
             n->heat += group->size;
             continue;
         }
+        n->terms += v->kind[g] != PM_VIEW_MOMENTUM || !v->apart[v->mate[g]];
         const bool couples = shown != NULL || pm_view_may_couple(v, g);
         n->coupled += couples ? group->size : 0;
         n->odd = n->odd || (couples && v->odd[g]);
@@ -94,7 +99,7 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
         n->vector = n->vector || (even && (group->size == 2 || group->size == 3) &&
                                   v->kind[g] != PM_VIEW_DIRECTION);
         n->angle = n->angle || v->angle[g];
-        n->turns = n->turns || (v->angle[g] && v->group[g].deviation > TURNS);
+        n->turns = n->turns || (v->angle[g] && v->group[g].deviation * v->unit[g].factor > TURNS);
         n->apart = n->apart || (v->kind[g] == PM_VIEW_POSITION && v->apart[g]);
     }
 }
@@ -117,6 +122,8 @@ static bool opposite(const pm_draft *d, const pm_scene_port *port, const int *pa
 void pm_draft_ask(pm_draft *d) {
     static const pm_answer reversible[] = {PM_AS_FOUND, PM_BY_STATES, PM_BY_POSITIONS, PM_CONSTANT,
                                            PM_NONE},
+                           turning[] = {PM_AS_FOUND,     PM_BY_SINES, PM_BY_STATES,
+                                        PM_BY_POSITIONS, PM_CONSTANT, PM_NONE},
                            strength[] = {PM_AS_FOUND, PM_BY_COENERGIES, PM_BY_DIFFERENCES},
                            exchange[] = {PM_EXCHANGE, PM_AS_FOUND, PM_EXCHANGE},
                            directions[] = {PM_AS_FOUND, PM_BY_POSITIONS},
@@ -124,7 +131,7 @@ void pm_draft_ask(pm_draft *d) {
                            heat[] = {PM_AS_FOUND, PM_ALONE},
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
-                           kinetic[] = {PM_AS_FOUND, PM_JOINT};
+                           kinetic[] = {PM_AS_FOUND, PM_JOINT}, apart[] = {PM_AS_FOUND, PM_APART};
     static const pm_answer temperature[] = {PM_AS_FOUND, PM_ROOM}, size[] = {PM_AS_FOUND, PM_LARGE};
     const pm_physics *physics = &d->p->scene->physics;
     const double room = PM_DEFAULT_TEMPERATURE;
@@ -162,8 +169,8 @@ void pm_draft_ask(pm_draft *d) {
             lossless = lossless && n.coupled > before;
         }
         if (n.odd && lossless && (port != NULL || n.coupled > 1)) {
-            ask(d, PM_ASK_REVERSIBLE, component, port == NULL ? COUPLINGS - 1 : COUPLINGS,
-                reversible);
+            ask(d, PM_ASK_REVERSIBLE, component, COUPLINGS - (port == NULL) + n.angle,
+                n.angle ? turning : reversible);
         }
         if (port == NULL && n.angle) {
             ask(d, PM_ASK_ANGLE, component, 2, n.turns ? angle + 1 : angle);
@@ -171,15 +178,14 @@ void pm_draft_ask(pm_draft *d) {
         if (port == NULL && n.heat > 0 && n.position) {
             ask(d, PM_ASK_HEAT, component, 2, heat);
         }
-        if (port == NULL && n.heat > 0 && n.stays) {
-            ask(d, PM_ASK_FRICTION, component, 2, friction);
-        }
         if (n.heat > 0 && (port == NULL ? n.lossy > 0 : n.heat + n.lossy > 1)) {
             int partner[PM_MAX_GROUPS];
             const int pairs =
                 port == NULL ? 0 : pm_draft_exchange(d, component - physics->nsubsystem, partner);
             if (pairs > 0) {
                 ask(d, PM_ASK_FRICTION, component, 2, exchange + !opposite(d, port, partner));
+            } else if (n.stays) {
+                ask(d, PM_ASK_FRICTION, component, 2, friction);
             }
             ask(d, PM_ASK_STRENGTH, component, pairs > 0 ? 3 : 2, strength);
         }
@@ -188,6 +194,9 @@ void pm_draft_ask(pm_draft *d) {
         }
         if (port == NULL && n.vector) {
             ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);
+        }
+        if (port == NULL && n.terms > 1) {
+            ask(d, PM_ASK_APART, component, 2, apart);
         }
         if (port == NULL && n.apart) {
             ask(d, PM_ASK_KINETIC, component, 2, kinetic);

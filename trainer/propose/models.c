@@ -152,13 +152,15 @@ static int count_odd(const pm_part_view *v, const pm_layout *shown) {
 }
 
 // Adds the groups of a subsystem but for entropies, of a layout if `shown` is not NULL, to the
-// features of an operator; with PM_BY_POSITIONS those that are even in time.
+// features of an operator; with PM_BY_POSITIONS those that are even in time, with PM_BY_SINES the
+// angles.
 static void add_states(list *l, const pm_part_view *v, const char *before, const pm_layout *shown,
                        pm_answer answer) {
     for (int g = 0; g < v->count; ++g) {
         const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
         if (!seen || v->group[g].constant || is_entropy(v, g) ||
-            (answer == PM_BY_POSITIONS && !is_even(v, g))) {
+            (answer == PM_BY_POSITIONS && !is_even(v, g)) ||
+            (answer == PM_BY_SINES && !v->angle[g])) {
             continue;
         }
         if (v->angle[g]) {
@@ -167,6 +169,11 @@ static void add_states(list *l, const pm_part_view *v, const char *before, const
             add_name(l, before, name_of(v, g));
         }
     }
+}
+
+// Returns the polynomial of an operator: of angles alone also products of sines and cosines count.
+static const char *skip_of(pm_answer answer) {
+    return answer == PM_BY_SINES ? "quadratic" : "linear";
 }
 
 // Begins ", strength: {...}". In the form soft M acts on dS alone, so that friction needs a factor
@@ -305,7 +312,8 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
                     hidden_of(d, size_of(v, p)));
         }
     }
-    // A common term of the rest, and the heat.
+    // A common term of the rest, or one of each, and the heat.
+    const bool apart = ask(d, PM_ASK_APART, v) == PM_APART;
     list l = {.file = f};
     int inputs = 0;
     for (int g = 0; g < v->count; ++g) {
@@ -313,9 +321,10 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
             l = l.count == 0 ? open_list(f, "      - {features: ") : l;
             inputs += add_energy_feature(d, &l, v, g);
         }
-    }
-    if (l.count > 0) {
-        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
+        if (l.count > 0 && (apart || g + 1 == v->count)) {
+            fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
+            l.count = inputs = 0;
+        }
     }
     // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
     // of motion and of currents, which is even in momenta and fluxes, does not depend on the
@@ -358,17 +367,14 @@ static bool is_free(const pm_part_view *v, int g) {
 
 // Whether the lossless coupling of this group with others, or among its components, is learned. A
 // momentum may also move variables besides its position, such as the charge of a second capacitor
-// in a loop or the stretch of a spring in series with a dashpot.
+// in a loop, the stretch of a spring in series with a dashpot, or the flux of a motor.
 static bool is_coupled(const pm_part_view *v, int g, pm_answer answer) {
     if (answer != PM_AS_FOUND) {
         return pm_view_may_couple(v, g);
     }
-    const pm_unit action = pm_unit_parse("J s");
-    bool coupled = is_free(v, g) || v->gyroscopic[g] || v->gyrates[g];
+    bool coupled = is_free(v, g);
     for (int k = 0; k < v->count && v->kind[g] == PM_VIEW_MOMENTUM; ++k) {
-        const pm_unit product = pm_unit_product(&v->unit[k], &v->unit[g]);
-        coupled = coupled || (is_free(v, k) && size_of(v, k) == size_of(v, g) &&
-                              pm_unit_equal(&product, &action));
+        coupled = coupled || (is_free(v, k) && size_of(v, k) == size_of(v, g));
     }
     return coupled;
 }
@@ -432,10 +438,10 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
             add_name(&l, "", name_of(v, g));
         }
     }
-    if (answer == PM_BY_POSITIONS || answer == PM_BY_STATES) {
+    if (answer != PM_AS_FOUND && answer != PM_CONSTANT) {
         l = open_list(f, "], features: ");
         add_states(&l, v, "", NULL, answer);
-        fprintf(f, "], skip: linear}\n");
+        fprintf(f, "], skip: %s}\n", skip_of(answer));
     } else {
         fprintf(f, "]}\n");
     }
@@ -468,7 +474,7 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool he
     if (ask(d, PM_ASK_DIRECTIONS, v) == PM_BY_POSITIONS) {
         l = open_list(d->file, ", features: ");
         add_states(&l, v, "", NULL, PM_BY_POSITIONS);
-        fprintf(d->file, "], skip: linear");
+        fprintf(d->file, "], skip: quadratic");
     }
     if (d->p->form == PM_SOFT || heats > 0) {
         l = open_strength(d);
@@ -523,8 +529,7 @@ void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
                     v->unit[g].known ? "" : "; the unit is NOT KNOWN, so that it says nothing");
             break;
         }
-        fprintf(f, "%s%s%s%s\n", v->gyroscopic[g] ? "; its components move each other" : "",
-                v->gyrates[g] ? "; it and a variable without a role drive each other" : "",
+        fprintf(f, "%s%s\n",
                 v->geometric[g] && v->kind[g] == PM_VIEW_OTHER
                     ? "; other variables move it, friction does not act on it"
                     : "",
@@ -675,7 +680,7 @@ static void write_port_reversible(const port_draft *p, int port) {
         if (answer != PM_CONSTANT) {
             list l = open_list(p->f, "], features: ");
             add_states_of_both(p, &l, answer);
-            fprintf(p->f, "], skip: linear}\n");
+            fprintf(p->f, "], skip: %s}\n", skip_of(answer));
         } else {
             fprintf(p->f, "]}\n");
         }
@@ -859,7 +864,7 @@ static void write_port_irreversible(port_draft *p, int port) {
     if (ask_port(p, PM_ASK_DIRECTIONS) == PM_BY_POSITIONS) {
         l = open_list(p->f, ", features: ");
         add_states_of_both(p, &l, PM_BY_POSITIONS);
-        fprintf(p->f, "], skip: linear");
+        fprintf(p->f, "], skip: quadratic");
     }
     const pm_answer strength = ask_port(p, PM_ASK_STRENGTH);
     if (lossy == 0 && d->p->form == PM_HARD && strength == PM_AS_FOUND) {
@@ -912,7 +917,9 @@ void pm_draft_port(const pm_draft *d, int port) {
             for (int k = 0; id >= 0 && k < p.part[end]->count; ++k) {
                 if (strcmp(name_of(p.part[end], k), group->name) == 0) {
                     constant = p.part[end]->group[k].constant;
-                    loses = may_lose(p.part[end], k);
+                    loses =
+                        may_lose(p.part[end], k) &&
+                        (!is_even(p.part[end], k) || ask_port(&p, PM_ASK_FRICTION) != PM_OF_MOTION);
                 }
             }
             p.heats[end][g] = group->role == PM_ROLE_ENTROPY && known && !constant;

@@ -25,8 +25,11 @@
 // What a change must reach of the error before, to be kept: other draws of the first weights alone
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
-#define CLOSE 0.95        // likewise between finalists: the one that is believed more wins a tie
-#define ENOUGH 1e-2       // error of one step below which nothing else is tried
+#define CLOSE 0.95 // likewise between finalists: the one that is believed more wins a tie
+// Errors of one step, and of rollouts relative to persistence, below which nothing else is tried. A
+// weak friction in wrong directions hardly shows in one step.
+#define ENOUGH 1e-2
+#define ENOUGH_ROLLOUT 0.05
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
 #define FOR_FINALISTS 0.3 // of the budget
@@ -70,7 +73,8 @@ typedef struct hypothesis_search {
     int ncandidate, best;
     tried_vector candidate[MOST_VECTORS];
     int weights, nz, substeps;
-    double left, used; // s: nominal time that is left, CPU time that was used
+    pm_fit_effort effort; // of a short fit
+    double left, used;    // s: nominal time that is left, CPU time that was used
 } hypothesis_search;
 
 // --- trials ---
@@ -204,8 +208,13 @@ static double error_of(const pm_search_trial *t) {
     return t->failed || isnan(error) ? INFINITY : error;
 }
 
-// Adds the best vector with another alternative of one choice, unless it is among the candidates.
-// Returns whether it was added.
+static bool is_enough(const pm_search_trial *t) {
+    return error_of(t) < ENOUGH && !(t->score.rollout > ENOUGH_ROLLOUT);
+}
+
+// Adds the best vector with another alternative of one choice, or, for choice -1, with the first
+// alternatives where it has the simplest ones, unless it is among the candidates. Returns whether
+// it was added.
 static bool add(hypothesis_search *s, int choice, int alternative) {
     const int n = s->space->count;
     int *vector = pm_arena_array(&s->arena, (size_t)n + 1, sizeof *vector);
@@ -213,7 +222,10 @@ static bool add(hypothesis_search *s, int choice, int alternative) {
         return false;
     }
     memcpy(vector, s->candidate[s->best].vector, (size_t)n * sizeof *vector);
-    vector[choice] = alternative;
+    for (int c = 0; c < n; ++c) {
+        const bool simple = choice < 0 && vector[c] == s->space->choice[c].simplest;
+        vector[c] = c == choice ? alternative : simple ? 0 : vector[c];
+    }
     for (int i = 0; i < s->ncandidate; ++i) {
         if (memcmp(s->candidate[i].vector, vector, (size_t)n * sizeof *vector) == 0) {
             return false;
@@ -286,8 +298,12 @@ static pm_status run_new(hypothesis_search *s, int first, const pm_fit_effort *e
 // Fits the best candidates longer, unless the best one is good enough. The winner becomes s->best.
 static pm_status decide(hypothesis_search *s, double seconds) {
     int which[FINALISTS], count = 0;
+    // What was taken because it is simple is compared with what is believed more, by longer fits.
+    const int last = s->ncandidate;
+    const bool doubt = add(s, -1, 0);
+    PM_TRY(run_new(s, last, &s->effort, INFINITY));
     const double best = error_of(&s->candidate[s->best].trial);
-    while (count < FINALISTS && best >= ENOUGH) {
+    while (count < FINALISTS && (doubt || !is_enough(&s->candidate[s->best].trial))) {
         int next = -1;
         for (int i = 0; i < s->ncandidate; ++i) {
             bool has = false;
@@ -353,7 +369,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     s->nz = t->scene->physics.nz;
     s->substeps = last->substeps * (last->integrator == NULL ? 1 : last->integrator->nstage);
     pm_training_free(t);
-    const pm_fit_effort effort = effort_for(s, FOR_ONE_ROUND * budget / alternatives, 1);
+    s->effort = effort_for(s, FOR_ONE_ROUND * budget / alternatives, 1);
     s->left = (1 - FOR_FINALISTS) * budget;
     int *simplest = pm_arena_array(&s->arena, (size_t)space->count + 1, sizeof *simplest);
     bool other = false;
@@ -365,21 +381,22 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     if (other) {
         s->candidate[s->ncandidate++] = (tried_vector){.vector = simplest};
     }
-    PM_TRY(run_new(s, 0, &effort, INFINITY));
-    s->best = other && error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
+    PM_TRY(run_new(s, 0, &s->effort, INFINITY));
+    // The simplest vector, unless it is clearly worse.
+    s->best = other && BETTER * error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
         goes_on = false;
         for (int c = 0; c < space->count; ++c) {
             const int first = s->ncandidate, own = s->candidate[s->best].vector[c];
             const double before = error_of(&s->candidate[s->best].trial);
-            if (before < ENOUGH) {
+            if (is_enough(&s->candidate[s->best].trial)) {
                 return PM_OK;
             }
             for (int a = 0; a < space->choice[c].count; ++a) {
                 (void)(a != own && add(s, c, a));
             }
-            PM_TRY(run_new(s, first, &effort, s->left));
+            PM_TRY(run_new(s, first, &s->effort, s->left));
             for (int i = first; i < s->ncandidate; ++i) {
                 const double error = error_of(&s->candidate[i].trial);
                 if (error < BETTER * before && error < error_of(&s->candidate[s->best].trial)) {

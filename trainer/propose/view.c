@@ -15,8 +15,6 @@
 #define LOOSE 0.5       // likewise where only the ratio of two coefficients counts
 #define NEAR_WHOLE 0.15 // largest distance of a trusted coefficient from a whole number
 #define CARRIED 0.2     // of what is even in time leaves of the rate of an entropy, at least
-#define SKEW 1e-2       // fraction of the variance that a skew coupling of momenta must explain
-#define OPPOSITE 0.1    // symmetric part over skew part of opposite coefficients, at most
 #define UPRIGHT 0.02    // relative to |x||x'|: largest part of the rate along a turning x
 #define TURNED 0.1      // of the variance of an angular velocity: what the momentum may leave
 #define SAME 2e-3       // relative to |q||p|: the change below which q x p is conserved
@@ -36,6 +34,7 @@
 #define OWN_SOURCES 6    // of them groups of the own subsystem, beside what a port adds
 #define MOST_PAIRS 64    // conjugate pairs of vectors
 #define MOST_MOMENTS 32  // terms of the balance of the angular momentum
+#define MOST_SPINS 4     // scalars in it
 #define MOST_ENTROPIES 4 // entropies on which the force along a length may depend
 #define MOST_FORCES 16   // boundary inputs on which it may depend
 #define TINY 1e-300      // keeps the logarithm of a zero length finite
@@ -45,7 +44,9 @@ static bool is_nonentropy(const pm_part_view *v, int g) {
 }
 
 bool pm_view_may_couple(const pm_part_view *v, int g) {
-    return (v->kind[g] == PM_VIEW_OTHER || v->kind[g] == PM_VIEW_MOMENTUM) && !v->group[g].constant;
+    return (v->kind[g] == PM_VIEW_OTHER || v->kind[g] == PM_VIEW_MOMENTUM ||
+            (v->kind[g] == PM_VIEW_POSITION && !v->apart[g])) &&
+           !v->group[g].constant;
 }
 
 static bool is_length(const pm_unit *unit) {
@@ -241,64 +242,6 @@ static bool is_spin(const pm_part_view *v, int g) {
     return v->group[g].group->size == 3 && pm_unit_equal(&v->unit[g], &action);
 }
 
-// --- skew couplings of momenta ---
-
-// One component of a group as a group of its own.
-static pm_look_group component_of(const pm_look_group *g, const pm_group *scalar, int component) {
-    pm_look_group c = *g;
-    c.group = scalar;
-    c.first = g->first + component;
-    return c;
-}
-
-// Returns true if two components of a momentum drive each other with opposite coefficients.
-static bool is_gyroscopic(const pm_look *look, const pm_look_group *position,
-                          const pm_look_group *momentum) {
-    enum { MOST = PM_LOOK_SOURCES / 2 };
-    const pm_group scalar = {.size = 1};
-    const int size = momentum->group->size;
-    double matrix[MOST][MOST], gain[MOST];
-    for (int c = 0; c < size && size <= MOST; ++c) {
-        // Without the other components, and with them.
-        const pm_look_group target = component_of(momentum, &scalar, c);
-        pm_look_group source[PM_LOOK_SOURCES];
-        double coefficient[PM_LOOK_SOURCES];
-        for (int k = 0; k < size; ++k) {
-            source[k] = component_of(position, &scalar, k);
-        }
-        source[size] = target;
-        const double without = pm_regress_rate(look, &target, size + 1, source, 1, coefficient);
-        for (int k = 0; k < size; ++k) {
-            source[size + k] = component_of(momentum, &scalar, k);
-        }
-        gain[c] = without - pm_regress_rate(look, &target, 2 * size, source, 1, coefficient);
-        memcpy(matrix[c], coefficient + size, (size_t)size * sizeof *coefficient);
-    }
-    for (int c = 0; c < size && size <= MOST; ++c) {
-        for (int k = 0; k < c; ++k) {
-            const double symmetric = fabs(matrix[c][k] + matrix[k][c]);
-            const double skew = fabs(matrix[c][k] - matrix[k][c]);
-            if (symmetric < OPPOSITE * skew && fmin(gain[c], gain[k]) > SKEW) {
-                return true;
-            }
-        }
-    }
-    return false;
-}
-
-// Returns how much more of the rate of `target` is explained when `driver` is added to `target`
-// itself and `position`; *coefficient is that of `driver`.
-static double explain_driver(const pm_look *look, const pm_look_group *target,
-                             const pm_look_group *position, const pm_look_group *driver,
-                             double *coefficient) {
-    const pm_look_group source[3] = {*target, *position, *driver};
-    double value[3];
-    const double without = pm_regress_rate(look, target, 2, source, 1, value);
-    const double rest = pm_regress_rate(look, target, 3, source, 1, value);
-    *coefficient = value[2];
-    return without - rest;
-}
-
 // --- energies of lengths ---
 
 // A regression of the virial p' . q = -|q| dE/d|q|, with E a polynomial of |q| or ln|q|.
@@ -413,7 +356,6 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
         v->kind[momentum] = PM_VIEW_MOMENTUM;
         v->sign[position] = best.own < 0 ? -1 : 1;
         v->linear[position] = best.rest < EXACT;
-        v->gyroscopic[momentum] = is_gyroscopic(look, &v->group[position], &v->group[momentum]);
         const sources s = find_sources(look, parts, part, position, &v->unit[momentum]);
         v->apart[position] = v->linear[position] ||
                              pm_regress_rate(look, &v->group[position], s.count < 2 ? s.count : 2,
@@ -445,12 +387,14 @@ typedef struct balance {
     const pm_look *look;
     int npair;
     pm_look_group q[MOST_PAIRS], p[MOST_PAIRS];
+    int nspin, spin[MOST_SPINS]; // scalars whose changes may make up for those of the sum, as the
+                                 // spin of a planet does: positions in the state of the scene
     int nmoment;
     moment moment[MOST_MOMENTS];
     double *value;    // [nprescribed] of one state
     double *rate;     // [ntime][3 nmoment] of one trajectory, the moments
     double *integral; // [ntime][3 nmoment] of one trajectory
-    double coefficient[MOST_MOMENTS];
+    double coefficient[MOST_MOMENTS + MOST_SPINS];
 } balance;
 
 static void add_cross(const double a[3], const double b[3], double sum[3]) {
@@ -511,29 +455,35 @@ static void integrate_moments(balance *b, int i) {
 // Returns true if the moments explain all changes of the angular momentum.
 static bool is_balanced(balance *b) {
     const pm_dataset *d = b->look->dataset;
-    pm_least_squares equations = {.n = b->nmoment};
+    pm_least_squares equations = {.n = b->nmoment + b->nspin};
     double rest = 0, size = 0; // squares of what remains, and of |q||p|
-    for (int pass = b->nmoment > 0 ? 0 : 1; pass < 2; ++pass) { // the coefficients, then the rest
+    for (int pass = equations.n > 0 ? 0 : 1; pass < 2; ++pass) { // the coefficients, then the rest
         for (int i = 0; i < d->ntrajectory; ++i) {
+            const double *start = pm_dataset_state(d, i, 0);
             double first[3] = {0};
             if (b->nmoment > 0) {
                 integrate_moments(b, i);
             }
             for (int j = 0; j < pm_dataset_length(d, i); ++j) {
+                const double *row = pm_dataset_state(d, i, j);
                 double J[3] = {0};
                 for (int k = 0; k < b->npair; ++k) {
                     double q[3], p[3];
-                    take_vector(b->look, pm_dataset_state(d, i, j), &b->q[k], q);
-                    take_vector(b->look, pm_dataset_state(d, i, j), &b->p[k], p);
+                    take_vector(b->look, row, &b->q[k], q);
+                    take_vector(b->look, row, &b->p[k], p);
                     add_cross(q, p, J);
                     size += pass == 1 ? dot(3, q, q) * dot(3, p, p) : 0;
                 }
                 for (int c = 0; c < 3; ++c) {
-                    double x[MOST_MOMENTS];
+                    double x[MOST_MOMENTS + MOST_SPINS];
                     first[c] = j == 0 ? J[c] : first[c];
                     double change = J[c] - first[c];
-                    for (int m = 0; m < b->nmoment; ++m) {
-                        x[m] = b->integral[((ptrdiff_t)j * b->nmoment + m) * 3 + c];
+                    for (int m = 0; m < equations.n; ++m) {
+                        const int at =
+                            m < b->nmoment ? 0 : b->look->columns.column[b->spin[m - b->nmoment]];
+                        x[m] = m < b->nmoment ? b->integral[((ptrdiff_t)j * b->nmoment + m) * 3 + c]
+                               : c == 2       ? row[at] - start[at]
+                                              : 0;
                         change -= pass == 1 ? b->coefficient[m] * x[m] : 0;
                     }
                     if (pass == 0) {
@@ -570,6 +520,9 @@ static pm_rotation find_rotation(const pm_look *look, const pm_part_view *parts)
             if (v->kind[g] == PM_VIEW_POSITION && (size == 2 || size == 3)) {
                 b.q[b.npair] = v->group[g];
                 b.p[b.npair++] = v->group[v->mate[g]];
+            }
+            if (v->kind[g] == PM_VIEW_OTHER && size == 1 && b.nspin < MOST_SPINS) {
+                b.spin[b.nspin++] = v->group[g].first;
             }
         }
     }
@@ -637,7 +590,8 @@ static pm_look_group look_at(const pm_look *look, int subsystem, int group) {
 
 pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
     const int n = look->scene->physics.nsubsystem;
-    const pm_unit energy = pm_unit_parse("J"), temperature = pm_unit_parse("K");
+    const pm_unit energy = pm_unit_parse("J"), temperature = pm_unit_parse("K"),
+                  number = pm_unit_parse("");
     for (int i = 0; i < n; ++i) {
         const pm_layout *layout = &look->scene->physics.subsystem[i].layout;
         pm_part_view *v = &view[i];
@@ -646,7 +600,7 @@ pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
             v->group[g] = look_at(look, i, g);
             v->unit[g] = pm_unit_parse(layout->group[g].unit);
             v->odd[g] = pm_view_is_odd(&v->unit[g]);
-            v->angle[g] = strcmp(layout->group[g].unit, "rad") == 0;
+            v->angle[g] = pm_unit_equal(&v->unit[g], &number) && v->unit[g].angle;
             v->mate[g] = -1;
             if (layout->group[g].role == PM_ROLE_ENTROPY) {
                 v->kind[g] = PM_VIEW_ENTROPY;
@@ -681,10 +635,10 @@ pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
     }
     for (int i = 0; i < n; ++i) {
         pm_part_view *v = &view[i];
-        // Friction does not act on lengths and angles with a conjugate variable, nor on lengths,
-        // areas and volumes whose rate is proportional to another variable.
+        // Friction does not act on lengths and angles with a conjugate variable, nor on those whose
+        // rate is proportional to another variable. Volumes may leak.
         for (int g = 0; g < v->count; ++g) {
-            const bool length = is_length(&v->unit[g]);
+            const bool length = is_length(&v->unit[g]) && v->unit[g].power[PM_UNIT_M] < 2;
             v->geometric[g] =
                 v->kind[g] == PM_VIEW_DIRECTION || (length && v->kind[g] == PM_VIEW_POSITION);
             for (int k = 0; k < n && length && v->mate[g] < 0; ++k) {
@@ -695,21 +649,6 @@ pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
                                       s.count > 0 &&
                                       explain(look, &v->group[g], &s, coefficient) < EXACT;
                 }
-            }
-        }
-        // A variable without a role and a momentum that drive each other with coefficients of
-        // opposite signs, like a current and a torque.
-        for (int p = 0; p < v->count; ++p) {
-            for (int g = 0; g < v->count && v->kind[p] == PM_VIEW_MOMENTUM && !v->gyrates[p]; ++g) {
-                const pm_look_group *position = &v->group[v->mate[p]];
-                const pm_look_group *momentum = &v->group[p], *other = &v->group[g];
-                double of_other, of_momentum;
-                v->gyrates[p] =
-                    v->kind[g] == PM_VIEW_OTHER && !other->constant &&
-                    other->group->size == momentum->group->size &&
-                    explain_driver(look, momentum, position, other, &of_other) > SKEW &&
-                    explain_driver(look, other, position, momentum, &of_momentum) > SKEW &&
-                    of_other * of_momentum < 0;
             }
         }
         for (int g = 0; g < v->count; ++g) {

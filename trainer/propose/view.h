@@ -53,18 +53,13 @@ typedef struct pm_part_view {
     // Positions of two or three components: their energy is rather a polynomial of the length than
     // of its logarithm.
     bool by_length[PM_MAX_GROUPS];
-    // Momenta: two components drive each other with opposite coefficients, as in a magnetic field.
-    bool gyroscopic[PM_MAX_GROUPS];
-    // Momenta: a variable without a role drives it and is driven by it with the opposite sign, as
-    // the flux in the winding of a motor.
-    bool gyrates[PM_MAX_GROUPS];
     // The sign changes when time runs backwards, as that of momenta and fluxes does: the unit has
     // an odd power of s and A together. Without loss such a variable moves those that keep their
     // sign.
     bool odd[PM_MAX_GROUPS];
-    bool angle[PM_MAX_GROUPS]; // the unit is rad
-    // Lengths, areas and volumes: the rate depends on other variables alone, so that friction does
-    // not act on the group.
+    bool angle[PM_MAX_GROUPS]; // the unit is one of angles
+    // Lengths and angles: the rate depends on other variables alone, so that friction does not act
+    // on the group.
     bool geometric[PM_MAX_GROUPS];
 } pm_part_view;
 
@@ -78,11 +73,12 @@ static inline int pm_part_view_find(const pm_part_view *view, const char *name) 
 }
 
 // Returns true if the lossless coupling of this group of a subsystem with others may be more than
-// its conjugate pair: it is no entropy, no position of a pair, no angular momentum of three
-// components and nothing that turns with one, and changes in the data.
+// its conjugate pair: it is no entropy, no position whose rate depends on momenta alone, no angular
+// momentum of three components and nothing that turns with one, and changes in the data.
 bool pm_view_may_couple(const pm_part_view *view, int group);
 
-// How the angular momentum behaves, the sum of q x p over conjugate pairs of vectors.
+// How the angular momentum behaves, the sum of q x p over conjugate pairs of vectors and of what
+// scalars without a role add to it, as the data show.
 typedef enum pm_rotation {
     PM_ROTATION_NONE,      // forces that depend on directions change it, or there are no pairs
     PM_ROTATION_CONSERVED, // it is constant along each trajectory

@@ -592,5 +592,83 @@ def thermoelectric(b):
     return b.give("a current that carries entropy")
 
 
+def celestial(b):
+    """A planet and its moons in the plane: tides slow the spins and heat the bodies. Directions of friction turn with the orbit."""
+    d = b.draw
+    b.scales("translation", "rotation")
+    b.flow["rotation"] = 1 / b.tau  # a full turn takes about 2 pi of these times
+    size, whole = b.sizes("translation")[0], d.chance(0.5)
+    g = d.one((("q", "p", "L"), ("r", "p", "J"), ("pos", "mom", "spin")))
+    n = 1 if whole else d.one((1, 1, 2))
+    moons = ["pair"] if whole else numbered(b, ["moon", "satellite", "probe"], n)
+    planet = "pair" if whole else d.one(("planet", "earth"))
+    inertia = d.uniform(0.1, 0.5)
+    b.begin_spin = d.uniform(1.5, 3)
+    spin = b.p(planet, g[2], "rotation", energy=False)
+    b.begin[-1] = lambda rng, count, z: inertia * b.begin_spin * rng.uniform(0.6, 1.4, count) * b.system.variables[spin].size
+    b.energy(lambda L: L**2 / (2 * inertia), spin)
+    orbits = []
+    for part in moons:
+        weight, pull, exponent = d.uniform(0.6, 1.6), d.uniform(0.8, 1.3), d.one((1.0, 1.0, 0.7))
+        x = [b.x(part, g[0], "translation", energy=False) for _ in range(2)]
+        p = [b.p(part, g[1], "translation", energy=False) for _ in range(2)]
+        b.energy(lambda u, v, pull=pull, a=exponent: -pull / a * (u**2 + v**2) ** (-a / 2), *x)
+        b.energy(lambda u, v, weight=weight: (u**2 + v**2) / (2 * weight), *p)
+        for i, j in zip(x, p):
+            b.pair(j, i)
+        v = b.system.variables
+        momentum = v[p[0]].size * np.sqrt(weight * pull)
+
+        def begin(rng, count, z, x=x, p=p, momentum=momentum):  # not far from circles
+            radius, angle = rng.uniform(0.9, 1.5, count), rng.uniform(0, 2 * np.pi, count)
+            speed, lean = momentum / np.sqrt(radius) * rng.uniform(0.85, 1.1, count), angle + rng.uniform(-0.15, 0.15, count)
+            z[x[0]], z[x[1]] = size * radius * np.cos(angle), size * radius * np.sin(angle)
+            z[p[0]], z[p[1]] = -speed * np.sin(lean), speed * np.cos(lean)
+            return z[x[0]]
+        b.begin[x[0]] = begin
+        for i in (x[1], *p):
+            b.begin[i] = lambda rng, count, z, i=i: z[i]
+        orbits.append((x, p))
+    s = b.body(planet, rise=d.log(1, 8))
+    for x, p in orbits:
+        tide, rise, power = d.log(0.01, 0.05), d.log(0.01, 0.05), d.one((2, 3, 6))
+        square = lambda z, x=x: z[x[0]] ** 2 + z[x[1]] ** 2
+        fall = lambda z, power=power, square=square: (square(z) / size**2) ** (-power / 2)
+        across = [(p[0], lambda z, x=x, square=square: -z[x[1]] / square(z)), (p[1], lambda z, x=x, square=square: z[x[0]] / square(z))]
+        along = [(p[k], lambda z, x=x, k=k, square=square: z[x[k]] / np.sqrt(square(z))) for k in range(2)]
+        e0, f0 = b.sizes("translation")[3], b.sizes("translation")[2]
+        for direction, law in ((across + [(spin, -1.0)], lambda f, z, dE, fall=fall, tide=tide: b.E0 * b.tau * tide * fall(z)),
+                               (along, lambda f, z, dE, fall=fall, rise=rise: e0 / f0 * rise * fall(z))):
+            b.system.frictions.append(Friction(direction, law, [(s, 1.0)], list(x)))
+    return b.give(f"a planet and {n} moon{'s' if n > 1 else ''}, with tides")
+
+
+def crank(b):
+    """A flywheel that moves a slider through a crank: the lossless coupling depends on its angle."""
+    d = b.draw
+    b.scales("translation", "rotation")
+    b.flow["rotation"] = 1 / b.tau
+    whole = d.chance(0.3)
+    wheel, slider = ("press", "press") if whole else (d.one(("wheel", "flywheel", "crank")), d.one(("piston", "slider", "ram")))
+    (gt, gh), (gx, gp) = d.one(GROUPS["rotation"]), d.one(GROUPS["translation"])
+    t = b.x(wheel, gt, "rotation", energy=False, amplitude=3.0)
+    h = b.p(wheel, gh, "rotation", amplitude=1.5)
+    x, p = b.x(slider, gx, "translation", amplitude=0.5), b.p(slider, gp, "translation", amplitude=0.5)
+    b.energy(lambda u, a=d.uniform(0.1, 0.6): a * (1 - np.cos(u)), t)  # an unbalanced wheel
+    b.pair(h, t)
+    v, ratio, rod = b.system.variables, d.uniform(0.5, 1.0), d.uniform(0.1, 0.35) * d.one((0, 1))
+    arm = ratio * v[h].size * v[x].size / (b.E0 * b.tau)
+    # The stretch of the spring between the crosshead and the slider: its rate is arm sin(..) omega less the speed of the slider.
+    b.system.pairs.append((x, h, lambda z: arm * (np.sin(z[t]) + rod * np.sin(2 * z[t])), [t]))
+    b.pair(p, x, -1.0)
+    b.body(wheel)
+    if not whole:
+        b.body(slider)
+    for i in (h, p):
+        b.friction([(i, 1.0)], scale=0.4)
+    b.conductions()
+    return b.give("a flywheel, a crank and a slider")
+
+
 KINDS = {f.__name__: f for f in (chain, circuit, hydraulics, drive, linkage, electromagnet, nonholonomic, planar, rotor, heat,
-                                 reaction, gas, viscous, thermoelectric)}
+                                 reaction, gas, viscous, thermoelectric, celestial, crank)}
