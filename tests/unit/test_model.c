@@ -172,6 +172,31 @@ static void features_stay_finite_at_zero(void **state) {
     pm_graph_close(g);
 }
 
+// Angles count in their unit. The discrete derivative times the difference is that of the values.
+static void sines_take_angles_in_their_unit(void **state) {
+    (void)state;
+    static const char *const expression[] = {"sin(phi)", "cos(phi)"};
+    const pm_layout turn = {1, (pm_group[]){{"phi", "deg", 1, 0, PM_ROLE_OTHER, false}}, 1};
+    pm_graph *g = NULL;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node from = pm_input(g, true, 1, 1), to = pm_input(g, true, 1, 1);
+    pm_symbols at[2] = {{0}, {0}};
+    pm_symbols_add(&at[0], g, &turn, "", from);
+    pm_symbols_add(&at[1], g, &turn, "", to);
+    pm_node node[2] = {pm_features_build(g, 2, expression, &at[0]), PM_NO_NODE};
+    pm_features_discrete(g, 2, expression, &at[0], &at[1], pm_constant(g, 1, 1, 2), &node[1]);
+    pm_program *p = NULL;
+    assert_int_equal(pm_program_open(&p, g, 2, node, 1), PM_OK);
+    *pm_program_value(p, from) = 30;
+    *pm_program_value(p, to) = 90;
+    pm_program_run(p, 1);
+    check("sine", pm_program_value(p, node[0])[0], 0.5, 1e-14);
+    check("cosine", pm_program_value(p, node[0])[1], sqrt(0.75), 1e-14);
+    check("difference", 60 * *pm_program_value(p, node[1]), 0.5 - sqrt(0.75), 1e-10);
+    pm_program_close(p);
+    pm_graph_close(g);
+}
+
 // --- networks ---
 
 static void set(pm_params *params, const char *name, int count, const double *value) {
@@ -407,6 +432,7 @@ int main(void) {
         cmocka_unit_test(sizes_are_bounded),
         cmocka_unit_test(features_are_their_formulas),
         cmocka_unit_test(features_stay_finite_at_zero),
+        cmocka_unit_test(sines_take_angles_in_their_unit),
         cmocka_unit_test(networks_are_their_formulas),
         cmocka_unit_test(polynomials_come_first),
         cmocka_unit_test(networks_with_zero_at_origin_are_flat_there),

@@ -282,12 +282,67 @@ static void a_missing_input_is_named(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a planet and a moon ---
+
+// Relative position and momentum, the spin of the planet and the heat of the tides. What the orbit
+// loses the spin gains.
+static void tide_rate(const double *z, const double *u, double *rate) {
+    (void)u;
+    const double square = z[0] * z[0] + z[1] * z[1], pull = pow(square, -1.5);
+    const double slip = (z[0] * z[3] - z[1] * z[2]) / square - z[4] / 0.3;
+    const double torque = 0.005 * slip / square;
+    rate[0] = z[2];
+    rate[1] = z[3];
+    rate[2] = -pull * z[0] + torque * z[1] / square;
+    rate[3] = -pull * z[1] - torque * z[0] / square;
+    rate[4] = torque;
+    rate[5] = torque * slip / 300;
+}
+
+static void moon_start(int i, double *z) {
+    memcpy(z, (const double[]){1 + 0.05 * i, 0.1 * i, -0.1 * i, 1 - 0.03 * i, 0.1 * i, 0},
+           6 * sizeof *z);
+}
+
+static void no_input(int i, double t, const double *z, double *u) {
+    (void)i, (void)t, (void)z, (void)u;
+}
+
+// The orbit alone loses angular momentum; with the spin it does not.
+static void a_spin_makes_up_for_the_angular_momentum_of_an_orbit(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "y", "px", "py", "L", "s"};
+    static const char scene[] = "scene: orbit\n"
+                                "time: {dt: 0.1, steps: 79, integrator: rk4, substeps: 4}\n"
+                                "subsystems:\n"
+                                "  pair:\n"
+                                "    weights: pair.h5\n"
+                                "    state:\n"
+                                "      q: {unit: m, columns: [x, y]}\n"
+                                "      p: {unit: kg m/s, columns: [px, py]}\n"
+                                "      L: {unit: mN m s, columns: [L]}\n"
+                                "      s: {unit: J/K, columns: [s]}\n";
+    char text[PM_PROPOSAL_TEXT];
+    const driven system = {6, 6, column, no_input, tide_rate, moon_start};
+    pm_dataset *d = simulate(&system, 0.1);
+    propose_text(scene, d, text);
+    assert_proposal_says(text, "# The sum of q x p is conserved");
+    assert_proposal_says(text, "- {features: [\"ln|q|\", L], hidden");
+    for (int i = 0; i < d->ntrajectory * d->ntime; ++i) {
+        d->z[i * 6 + 4] = sin(i);
+    }
+    propose_text(scene, d, text);
+    assert_proposal_omits(text, "# The sum of q x p is conserved");
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_driven_link_shows_its_kinetic_energy_and_its_symmetry),
         cmocka_unit_test(a_force_shows_a_logarithm),
         cmocka_unit_test(friction_has_no_direction),
         cmocka_unit_test(a_spring_along_one_axis_has_a_direction),
+        cmocka_unit_test(a_spin_makes_up_for_the_angular_momentum_of_an_orbit),
         cmocka_unit_test(a_fed_motor_shows_its_coupling_and_its_decay),
         cmocka_unit_test(an_input_that_follows_the_state_hides_nothing),
         cmocka_unit_test(a_missing_input_is_named),

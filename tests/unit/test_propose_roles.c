@@ -188,7 +188,9 @@ static void a_length_and_a_momentum_are_conjugate_across_a_port(void **state) {
     propose(APART("um"), swing(1e6, 1e3), text);
     assert_proposal_says(text, "constants: {lever1: {learned: -1.0}}");
     assert_proposal_says(text, "given: [[b.p, a.x, \"1000000000.0*lever1\"]]");
-    propose(APART("m^3"), swing(1, 1e3), text); // a piston, whose area is to be learned
+    assert_proposal_says(text, "irreversible: {learned: {acts_on: [b.p, a.s]");
+    propose(APART("m^3"), swing(1, 1e3), text); // a piston, whose area is to be learned; it leaks
+    assert_proposal_says(text, "irreversible: {learned: {acts_on: [a.x, b.p, a.s]");
     assert_proposal_says(text, "learned: {acts_on: [a.x], against: [b.p]}");
 }
 

@@ -91,7 +91,7 @@ static void read_result(const char *path, char text[TEXT]) {
     fclose(file);
 }
 
-static void search(double budget, char text[TEXT]) {
+static void search(double budget, int simplest, char text[TEXT]) {
     static const char *const spring[] = {"linear", "unreadable", "cubic"};
     static const char *const number[] = {"20", "21"};
     pm_hypotheses space = {.write = write_training};
@@ -100,6 +100,7 @@ static void search(double budget, char text[TEXT]) {
     assert_int_equal(pm_hypotheses_add(&space, "spring", 3, spring), 0);
     assert_int_equal(pm_hypotheses_add(&space, "alone", 1, spring), -1);
     assert_int_equal(pm_hypotheses_add(&space, "number", 2, number), 1);
+    space.choice[1].simplest = simplest;
     const pm_search_how how = {.budget = budget};
     assert_int_equal(pm_search_run(&space, &how, path), PM_OK);
     read_result(path, text);
@@ -108,20 +109,24 @@ static void search(double budget, char text[TEXT]) {
 static void the_data_decide(void **state) {
     char text[TEXT], again[TEXT];
     (void)state;
-    search(5, text);
+    search(5, 0, text);
     if (strstr(text, "c/4*q^4") == NULL) {
         fail_msg("expected the cubic spring in:\n%s", text);
     }
     assert_non_null(strstr(text, "# * spring: cubic"));
     assert_non_null(strstr(text, "# - spring: unreadable (failed: "));
-    search(5, again);
+    search(5, 0, again);
     assert_string_equal(text, again);
+    // The simplest of equals goes on, and is compared with what is believed more by longer fits.
+    search(5, 1, again);
+    assert_non_null(strstr(again, " spring: cubic; number: 21 ("));
+    assert_int_equal(strstr(strstr(again, " spring: cubic ("), "; longer: ") != NULL, 1);
 }
 
 static void without_a_budget_nothing_is_tried(void **state) {
     char text[TEXT];
     (void)state;
-    search(0, text);
+    search(0, 0, text);
     assert_non_null(strstr(text, "\"p^2/2 + k/2*q^2\""));
     assert_null(strstr(text, "#"));
 }

@@ -2,10 +2,10 @@
 // alternatives in the order in which they are believed before any trial. A writer turns a vector,
 // one alternative for each choice, into a training file. A trial is a short fit of that file in a
 // process of its own, measured on the validation part. The search begins with the vector of first
-// alternatives or that of the simplest ones, whichever is better, tries the alternatives of one
-// choice after the other and keeps what lowers the error of one step, until nothing does; the best
-// few are then fitted longer, and their rollouts decide (coordinate descent, and a last round of
-// successive halving, Jamieson, Talwalkar, AISTATS 2016).
+// alternatives or, unless it is clearly worse, that of the simplest ones, tries the alternatives of
+// one choice after the other and keeps what lowers the error of one step, until nothing does; the
+// best few are then fitted longer, and their rollouts decide (coordinate descent, and a last round
+// of successive halving, Jamieson, Talwalkar, AISTATS 2016).
 //
 // The same space, data and budget give the same vector: the budget is turned into a number of
 // trials and of iterations by a nominal speed, not by a clock.
