@@ -22,7 +22,6 @@ typedef enum pm_question {
     PM_ASK_ENERGY,      // how the energy depends on vectors
     PM_ASK_ANGLE,       // how functions depend on angles
     PM_ASK_KINETIC,     // how the energy depends on momenta
-    PM_ASK_APART,       // whether the energy is a sum over variables
     PM_ASK_TEMPERATURE, // of the scene: the temperatures with which training starts
     PM_ASK_SIZE,        // of the scene: of the networks
     PM_QUESTIONS
@@ -44,7 +43,6 @@ typedef enum pm_answer {
     PM_ROOM,          // 300 K
     PM_LARGE,         // twice as wide
     PM_EXCHANGE,      // what leaves one end of a port enters the other
-    PM_APART,         // a function for each variable
     PM_BY_DIFFERENCES // functions of the differences of co-energies at both ends, and of entropies
 } pm_answer;
 

@@ -20,7 +20,6 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_BOTH] = "of lengths and components",
                                     [PM_BY_SINES] = "of sine and cosine",
                                     [PM_JOINT] = "not apart",
-                                    [PM_APART] = "a sum of functions of one variable each",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_ROOM] = "300 K",
                                     [PM_LARGE] = "larger networks",
@@ -39,7 +38,6 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
                                                    [PM_ASK_ENERGY] = "energy",
                                                    [PM_ASK_ANGLE] = "angles",
                                                    [PM_ASK_KINETIC] = "kinetic energy",
-                                                   [PM_ASK_APART] = "terms of the energy",
                                                    [PM_ASK_TEMPERATURE] = "temperature at first",
                                                    [PM_ASK_SIZE] = "size"};
     const pm_physics *physics = &d->p->scene->physics;
@@ -56,8 +54,7 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     const int id = pm_hypotheses_add(&d->space, name, count, text);
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES ||
-                            answer[i] == PM_APART;
+                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     if (id >= 0) {
@@ -69,7 +66,6 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
 // What the groups of a subsystem, or those that one end of a port exposes, allow to ask.
 typedef struct inventory {
     int coupled;     // components that a learned L may couple
-    int terms;       // groups that share a term of the energy
     int lossy, heat; // components on which friction may act, and of entropies
     bool odd;        // some of the coupled change their sign when time runs backwards
     bool stays;      // friction may act on something that does not
@@ -89,7 +85,6 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
             n->heat += group->size;
             continue;
         }
-        n->terms += v->kind[g] != PM_VIEW_MOMENTUM || !v->apart[v->mate[g]];
         const bool couples = shown != NULL || pm_view_may_couple(v, g);
         n->coupled += couples ? group->size : 0;
         n->odd = n->odd || (couples && v->odd[g]);
@@ -131,7 +126,7 @@ void pm_draft_ask(pm_draft *d) {
                            heat[] = {PM_AS_FOUND, PM_ALONE},
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
-                           kinetic[] = {PM_AS_FOUND, PM_JOINT}, apart[] = {PM_AS_FOUND, PM_APART};
+                           kinetic[] = {PM_AS_FOUND, PM_JOINT};
     static const pm_answer temperature[] = {PM_AS_FOUND, PM_ROOM}, size[] = {PM_AS_FOUND, PM_LARGE};
     const pm_physics *physics = &d->p->scene->physics;
     const double room = PM_DEFAULT_TEMPERATURE;
@@ -194,9 +189,6 @@ void pm_draft_ask(pm_draft *d) {
         }
         if (port == NULL && n.vector) {
             ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);
-        }
-        if (port == NULL && n.terms > 1) {
-            ask(d, PM_ASK_APART, component, 2, apart);
         }
         if (port == NULL && n.apart) {
             ask(d, PM_ASK_KINETIC, component, 2, kinetic);

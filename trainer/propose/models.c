@@ -312,8 +312,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
                     hidden_of(d, size_of(v, p)));
         }
     }
-    // A common term of the rest, or one of each, and the heat.
-    const bool apart = ask(d, PM_ASK_APART, v) == PM_APART;
+    // A common term of the rest, and the heat.
     list l = {.file = f};
     int inputs = 0;
     for (int g = 0; g < v->count; ++g) {
@@ -321,10 +320,9 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
             l = l.count == 0 ? open_list(f, "      - {features: ") : l;
             inputs += add_energy_feature(d, &l, v, g);
         }
-        if (l.count > 0 && (apart || g + 1 == v->count)) {
-            fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
-            l.count = inputs = 0;
-        }
+    }
+    if (l.count > 0) {
+        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
     }
     // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
     // of motion and of currents, which is even in momenta and fluxes, does not depend on the
