@@ -146,6 +146,7 @@ interrupt() {
         begin_and_interrupt "$1" "$2"
     done
     [ $code -eq 12 ] || fail "$1 interrupted: expected exit code 12, found $code"
+    cp "$folder/err" "$folder/interrupted"
     grep -q -e "--resume" "$folder/err" || fail "$1 interrupted: expected --resume to be named"
     [ -e "$folder/$2/fit.checkpoint" ] || fail "$1 interrupted: no checkpoint"
     "$train" evaluate "$folder/scene.yaml" --weights "$folder/$2" --data "$data" --json \
@@ -189,6 +190,21 @@ done
 config again '{optimiser: gauss_newton, iterations: 15, batch: 66, substeps: 2}'
 fit again again || fail "fit again"
 same_weights "the same fit twice" gauss_newton again
+# It may be interrupted while the initial weights are chosen, too.
+config starting '{optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 2}'
+sed -i '1i start: {tries: 24}' "$folder/starting.yaml"
+fit starting starting || fail "fit starting"
+interrupt starting resumed_starting
+grep -q "while choosing the initial weights; continue with --resume" "$folder/interrupted" ||
+    fail "starting: interrupted too late: $(cat "$folder/interrupted")"
+fit starting resumed_starting --resume || fail "fit starting --resume"
+same_weights "starting resumed" starting resumed_starting
+# Two fits into one folder: the second one is refused.
+if command -v flock >/dev/null; then
+    mkdir "$folder/locked"
+    flock "$folder/locked" "$train" fit "$folder/again.yaml" --data "$data" -o "$folder/locked" >"$folder/out" 2>"$folder/err"
+    [ $? -eq 4 ] && grep -q "locked: another fit writes into this folder" "$folder/err" || fail "two fits into one folder"
+fi
 # A checkpoint of another training is refused.
 interrupt slow_adam foreign
 fit slow_gauss_newton foreign --resume && fail "a checkpoint of another training was taken"

@@ -233,6 +233,15 @@ def matlab():
     z, t, names, _, _ = imported("a sampling time", folder / "steps.mat")
     same("a sampling time", t, [0, 0.25, 0.5, 0.75])
     refused("a text", 4, "cannot be read as a MATLAB file", write("wrong.mat", "no MATLAB file"))
+    # Some bytes that declare 3.6 GB: a cell of 450 million elements, and an array of which nothing was written.
+    def element(kind, data):
+        return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+    body = element(6, struct.pack("<II", 1, 0)) + element(5, struct.pack("<ii", 450_000_000, 1)) + element(1, b"c")
+    (folder / "bomb.mat").write_bytes(b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + element(14, body))
+    refused("a cell of nothing", 5, "its 184 bytes declare more numbers than 1024 MiB hold", folder / "bomb.mat")
+    with h5py.File(folder / "fill.mat", "w") as file:
+        file.create_dataset("x", (450_000_000, 1), chunks=(1_000_000, 1), dtype="f8")
+    refused("an array of nothing", 5, "bytes declare more numbers than 1024 MiB hold", folder / "fill.mat")
     steps = np.empty((1, 4), dtype=object)
     steps[0] = [{"time": np.arange(3.0), "V": np.arange(3.0) + k, "I": np.zeros((0, 0)) if k == 2 else np.ones(3)}
                 for k in range(3)] + [{"time": 1.0, "V": 2.0, "I": 3.0}]

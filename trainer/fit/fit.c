@@ -3,8 +3,11 @@
 // file for each subsystem and port.
 #include "fit/fit.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <math.h>
 #include <stdlib.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "base/digest.h"
@@ -17,7 +20,10 @@
 
 // --- start ---
 
-// Draws the weights, fixes the normalisation, and writes the chosen initial weights to theta.
+// The number of completed iterations before the initial weights are chosen.
+#define NO_START -1
+
+// Draws the first weights into theta, and fixes the normalisation.
 static pm_status initialise(pm_fit *f) {
     const size_t size = (size_t)f->size + 1;
     f->checkpoint = pm_arena_printf(&f->arena, "%s/fit.checkpoint", f->arguments->output);
@@ -34,8 +40,21 @@ static pm_status initialise(pm_fit *f) {
     const pm_status status =
         pm_normalization_of_system(f->training->system, &samples, f->training->plain);
     pm_samples_free(&samples);
-    PM_TRY(status);
-    return f->arguments->resume ? PM_OK : f->kind->start(f);
+    return status;
+}
+
+// Chooses the initial weights. If that is interrupted, a checkpoint says so, and the choice begins
+// again when the fit is resumed.
+static pm_status choose_start(pm_fit *f) {
+    f->position.done = 0;
+    const pm_status status = f->kind->start(f);
+    if (status == PM_EINTERRUPTED && f->arguments->effort == NULL) {
+        f->position.done = NO_START;
+        PM_TRY(pm_fit_save(f, false));
+        return pm_fail(PM_EINTERRUPTED,
+                       "interrupted while choosing the initial weights; continue with --resume");
+    }
+    return status;
 }
 
 // --- the whole ---
@@ -46,7 +65,7 @@ static int least(int a, int b) {
 
 pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
                       const volatile sig_atomic_t *stop) {
-    *f = (pm_fit){.arguments = arguments, .stop = stop, .position = {.best = -1}};
+    *f = (pm_fit){.arguments = arguments, .stop = stop, .folder = -1, .position = {.best = -1}};
     f->processor = pm_fit_processor_time(f);
     PM_TRY(pm_training_load(&f->training, arguments->config));
     pm_training *t = f->training;
@@ -112,6 +131,12 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     f->digest = pm_digest_integer(f->digest, f->split.ntraining);
     PM_TRY(f->kind->shorten == NULL ? PM_OK : f->kind->shorten(f));
     PM_TRY(pm_options_folder(arguments->output));
+    // Of two fits that write into the same folder, weights of both would be left.
+    f->folder = open(arguments->output, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (f->folder >= 0 && pm_team_leads(arguments->team) &&
+        flock(f->folder, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        return pm_fail(PM_EFILE, "%s: another fit writes into this folder", arguments->output);
+    }
     f->size = pm_trained_count(t->system);
     printf("%s: %d weights, trajectories %s of ", arguments->config, f->size, f->split.training);
     f->kind->describe(f);
@@ -123,7 +148,9 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     fflush(stdout);
     f->saved = pm_clock();
     PM_TRY(initialise(f));
+    f->position.done = NO_START;
     PM_TRY(arguments->resume ? pm_fit_load(f) : PM_OK);
+    PM_TRY(f->position.done == NO_START ? choose_start(f) : PM_OK);
     const char *path = pm_team_leads(f->arguments->team)
                            ? pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output)
                            : "/dev/null";
@@ -164,6 +191,9 @@ pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score) {
 }
 
 void pm_fit_close(pm_fit *f) {
+    if (f->folder >= 0) {
+        close(f->folder); // which unlocks it
+    }
     if (f->curves != NULL) {
         fclose(f->curves);
     }

@@ -118,6 +118,7 @@ typedef struct pm_fit {
     bool interrupted;                // the training has been interrupted, and reports what it has
     char verdict[PM_VERDICT_LENGTH]; // what weights files say of the fit (scene/weights.h)
     FILE *curves;                    // fit.csv
+    int folder;                      // a descriptor of the folder, which is locked; -1: none
     pm_progress progress;
 } pm_fit;
 

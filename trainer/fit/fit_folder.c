@@ -233,7 +233,7 @@ pm_status pm_fit_load(pm_fit *f) {
                            f->checkpoint, i + 1, f->arguments->config);
         }
     }
-    if (f->kind->resume != NULL) {
+    if (f->kind->resume != NULL && f->position.done >= 0) {
         f->kind->resume(f);
     }
     return PM_OK;

@@ -61,6 +61,8 @@ def read_tree(path):
         variables = scipy.io.loadmat(path)
     except OSError as error:
         raise Refused(FILE, f"{path}: cannot be read: {error.strerror or error}") from None
+    except MemoryError:
+        raise
     except Exception as error:  # scipy raises many kinds
         text = " ".join(str(error).split())
         raise Refused(FILE, f"{path}: cannot be read as a MATLAB file: {text[:200]}") from None

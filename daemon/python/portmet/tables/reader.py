@@ -1,7 +1,9 @@
 """Reads tables of any kind, and joins them to a dataset."""
 import argparse
+import contextlib
 import glob
 import os
+import resource
 import sys
 import warnings
 
@@ -25,6 +27,25 @@ FOREIGN = {
     b"\xd0\xcf\x11\xe0": "this is an old spreadsheet",
 }
 NAMES_MOST = 60000  # bytes of an attribute
+ROOM, TIMES_ROOM = 1 << 30, 100  # bytes of memory to read a binary file, and beyond that, times its size
+
+
+@contextlib.contextmanager
+def bounded(path):
+    """Refuses a small file that declares gigabytes: reading it may take only so much memory more."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    with open("/proc/self/statm", encoding="ascii") as file:
+        used = int(file.read().split()[0]) * resource.getpagesize()
+    size = os.path.getsize(path)
+    limit = used + ROOM + TIMES_ROOM * size
+    limits = [limit] + [other for other in (soft, hard) if other != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    try:
+        yield
+    except MemoryError:
+        raise Refused(DATA, f"{path}: its {size} bytes declare more numbers than {(limit - used) >> 20} MiB hold") from None
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
 def read(path, how):
@@ -39,13 +60,14 @@ def read(path, how):
             raise Refused(DATA, f"{path}: {why}; save its tables as CSV")
     if head[:4] == lcm_log.SYNC.to_bytes(4, "big"):
         return lcm_log.read(path, types_of(how.types))
-    if head[:4] == b"PAR1":
-        return portmet_files.read_parquet(path)
-    if h5py.is_hdf5(path):
-        reader = portmet_files.kind_of(path)
-        return matlab.read(path, how.runs) if reader is None else reader(path)
-    if head[:6] == b"MATLAB" or path.lower().endswith(".mat"):
-        return matlab.read(path, how.runs)
+    with bounded(path):
+        if head[:4] == b"PAR1":
+            return portmet_files.read_parquet(path)
+        if h5py.is_hdf5(path):
+            reader = portmet_files.kind_of(path)
+            return matlab.read(path, how.runs) if reader is None else reader(path)
+        if head[:6] == b"MATLAB" or path.lower().endswith(".mat"):
+            return matlab.read(path, how.runs)
     if head[:4] == b"\x89HDF":
         raise Refused(FILE, f"{path}: a damaged HDF5 file")
     run = text.read(path)
