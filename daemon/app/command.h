@@ -41,6 +41,7 @@ typedef struct pm_run_options {
     bool elsewhere;           // nobody launches the nodes here
     bool held, endless, wait; // a run is held at its start; it has no last step; until it ends
     bool here;                // a test uses the network that is there
+    bool processes;           // a bench measures cuts into processes
     bool json;                // results are printed as JSON
     bool coordinator_speaks;  // a node leaves it to the coordinator to print why the run has failed
     pm_journal log;           // of the lines on standard error
@@ -76,7 +77,7 @@ enum {
     PM_OPTION_STATE = 1 << 24,
     PM_OPTION_INPUTS = 1 << 25,
     PM_OPTION_TEST = 1 << 26,       // --here, --other, --json
-    PM_OPTION_ERROR = 1 << 27,      // --error
+    PM_OPTION_ERROR = 1 << 27,      // --error, --processes
     PM_OPTION_TRAJECTORY = 1 << 28, // --trajectory, --data
     PM_OPTION_HELD = 1 << 29,
     PM_OPTION_STUDY = 1 << 30 // --budget, --seed, --write, --picture, --json

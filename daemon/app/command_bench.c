@@ -323,6 +323,9 @@ static pm_status execute(const pm_run_options *options) {
     const double started = pm_clock();
     pm_rollout_result trial;
     pm_status status;
+    if (options->processes) {
+        return pm_command_test.execute(options);
+    }
     PM_TRY_DONE(options->budget == NULL
                     ? PM_OK
                     : pm_options_positive("--budget", options->budget, &budget));
@@ -436,7 +439,13 @@ const pm_command pm_command_bench = {
         "second.\n"
         "The last line is the fastest setting for the error asked for; --write writes a scene "
         "with\n"
-        "it. The same --seed takes the same starts. Exit code 14: no setting reaches that error.",
+        "it. The same --seed takes the same starts. Exit code 14: no setting reaches that "
+        "error.\n\n"
+        "With --processes it runs the scene in one process, in a process for each subsystem, and "
+        "in as\n"
+        "many as there are cores, cut by cost, with windows of 1 to 64 steps, and prints what a "
+        "step\n"
+        "costs and who waits for whom. It needs a private network, as `portmetd test` does.",
     .examples = "portmetd bench configs/double_pendulum.yaml\n"
                 "portmetd bench scene.yaml --error 1 --write faster.yaml",
     .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY | PM_OPTION_ERROR,

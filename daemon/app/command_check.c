@@ -16,6 +16,7 @@
 #include "store/names.h"
 #include "transport/channel.h"
 
+#define PM_COVERED 0.1   // of the width of a range, by which another one may reach beyond it
 #define LONGEST_LINE 400 // characters shown of one line of a model; a matrix may be large
 
 // --- lists ---
@@ -220,6 +221,55 @@ static void print_boundary_input(const pm_scene *scene, int input_id) {
     }
 }
 
+// Says whether the quantities that both ends of a port show were trained on ranges that cover each
+// other: quantities of one unit, which the law relates to each other.
+static void print_coverage(const pm_setup *setup, const pm_scene_port *port) {
+    const pm_part *part[2];
+    pm_training_range range[2];
+    int compared = 0, uncovered = 0;
+    for (int end = 0; end < 2; ++end) {
+        const int id = port->subsystem[end];
+        part[end] = id < 0 ? NULL : setup->system->part[id];
+        if (part[end] == NULL || pm_training_range_of(part[end]).low == NULL) {
+            return;
+        }
+        range[end] = pm_training_range_of(part[end]);
+    }
+    for (int g = 0; g < port->layout[0].ngroup; ++g) {
+        for (int h = 0; h < port->layout[1].ngroup; ++h) {
+            const pm_group *group[2] = {&port->layout[0].group[g], &port->layout[1].group[h]};
+            double low[2], high[2];
+            for (int end = 0; end < 2; ++end) {
+                const pm_layout *layout = &part[end]->layout;
+                const ptrdiff_t at = pm_layout_find(layout, group[end]->name) - layout->group;
+                low[end] = range[end].low[at];
+                high[end] = range[end].high[at];
+            }
+            if (strcmp(group[0]->unit, group[1]->unit) != 0 || group[0]->size != group[1]->size ||
+                !isfinite(low[0]) || !isfinite(low[1])) {
+                continue;
+            }
+            compared += 1;
+            for (int end = 0; end < 2; ++end) {
+                const double width = high[end] - low[end];
+                if (low[1 - end] >= low[end] - PM_COVERED * width &&
+                    high[1 - end] <= high[end] + PM_COVERED * width) {
+                    continue;
+                }
+                uncovered += 1;
+                printf("  ranges     %s.%s was trained on %.3g to %.3g %s, and %s.%s reaches %.3g "
+                       "to %.3g\n",
+                       pm_scene_end_name(setup->scene, port, end), group[end]->name, low[end],
+                       high[end], group[end]->unit, pm_scene_end_name(setup->scene, port, 1 - end),
+                       group[1 - end]->name, low[1 - end], high[1 - end]);
+            }
+        }
+    }
+    if (compared > 0 && uncovered == 0) {
+        printf("  ranges     both ends were trained on the same ranges\n");
+    }
+}
+
 static void print_port(const pm_setup *setup, int i) {
     const pm_scene *scene = setup->scene;
     const pm_scene_port *port = &scene->physics.port[i];
@@ -248,16 +298,21 @@ static void print_port(const pm_setup *setup, int i) {
     pm_arena_free(&arena);
     const pm_component *component = setup->system->component;
     const pm_provenance *of = component[scene->physics.nsubsystem + i].provenance;
+    bool apart = of->path == NULL; // not all that meets here was learned together
     for (int end = 0; end < 2 && of->path != NULL; ++end) {
         const int id = port->subsystem[end];
         const pm_provenance *other = id < 0 ? NULL : component[id].provenance;
         if (other != NULL && other->path != NULL) {
             const bool together = strcmp(of->command, other->command) == 0 &&
                                   strcmp(of->data, other->data) == 0 && of->seed == other->seed;
+            apart = apart || !together;
             printf("  end %c      %s was learned %s\n", 'a' + end,
                    pm_scene_end_name(scene, port, end),
                    together ? "together with this port" : "without this port, by another fit");
         }
+    }
+    if (apart) {
+        print_coverage(setup, port);
     }
     print_alike_count(scene->physics.nport, setup->system->port_owner, i, "ports");
 }

@@ -555,14 +555,21 @@ static pm_status end_run(void *context, const pm_control_run *run, int64_t step,
 }
 
 static void put_digest(FILE *file, const pm_component *component) {
-    fprintf(file, ",\"weights\":\"%016" PRIx64 "\",\"loss\":%.3g}", component->provenance->digest,
-            component->provenance->loss);
+    const pm_provenance *of = component->provenance;
+    char verdict[2 * PM_VERDICT_LENGTH];
+    fprintf(file, ",\"weights\":\"%016" PRIx64 "\",\"loss\":%.3g", of->digest, of->loss);
+    if (of->verdict != NULL && of->verdict[0] != '\0') {
+        pm_json_quote(verdict, sizeof verdict, of->verdict);
+        fprintf(file, ",\"verdict\":%s", verdict);
+    }
+    fputs("}", file);
 }
 
 // Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
 // "records", "states", "subsystems": [{"name", "groups": [[name, unit, size, least and largest
-// value of the training where the weights know them]], "weights", "loss"}], "ports": [{"name",
-// "law", "ends", "weights", "loss"}], "inputs": [[name, channel, unit]]}. Names need no quoting.
+// value of the training where the weights know them]], "weights", "loss", and where the weights
+// know it "verdict" of the fit}], "ports": [{"name", "law", "ends", "weights", "loss", "verdict"}],
+// "inputs": [[name, channel, unit]]}. Names need no quoting.
 static pm_status describe(service *s, char **text) {
     const pm_scene *scene = s->setup.scene;
     const pm_physics *physics = &scene->physics;

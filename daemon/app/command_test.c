@@ -25,13 +25,15 @@
 #include "app/command.h"
 #include "app/connect.h"
 #include "app/prepare.h"
+#include "base/options.h"
 #include "base/progress.h"
 #include "base/rng.h"
 #include "base/subcommand.h"
 #include "library/local_run.h"
 #include "lockstep/coordinator.h"
+#include "lockstep/health.h"
 #include "study/recordings.h"
-#include "study/scene_text.h"
+#include "study/rollout.h"
 
 #define MOST_STEPS 48    // of a run
 #define LEAST_STEPS 8    // so that three gates lie within it
@@ -49,6 +51,10 @@
 #define NO_PROGRAM 127   // exit code of a child that could not start mpirun
 #define KEY_SIZE 32      // bytes
 #define LINE 512         // bytes of a line of results
+#define BUDGET 60.0      // s, of a bench by default
+#define SPAN 1.0         // s of CPU time of a run in this process
+#define SECONDS 4       // messages, one a second, of which all but the first tell what a step costs
+#define LONG 1000000000 // steps of a run that is measured, more than it can take
 
 // Which subsystems share a process.
 typedef enum cut { EACH, TOGETHER, HALVES, EVERY_OTHER } cut;
@@ -161,41 +167,46 @@ static void pause_for(double seconds) {
     nanosleep(&(struct timespec){.tv_nsec = (long)(1e9 * seconds)}, NULL);
 }
 
-// Makes the text of a trial, which the caller frees.
-static pm_status make_text(const assembly *a, const trial *t, char **text) {
-    const pm_scene *scene = a->setup.scene;
+// Divides the subsystems among `count` processes: consecutive ones, or every other one.
+static pm_status put_processes(const pm_scene *scene, bool every_other, int count, char **text) {
     const int n = scene->physics.nsubsystem;
-    const int count = t->cut == TOGETHER ? 1 : t->cut != EACH ? 2 : n > MOST_EACH ? BLOCKS : n;
-    char *value = NULL, line[LINE], path[PATH_SIZE];
+    char *value = NULL;
     size_t size;
-    *text = strdup(a->text);
     FILE *file = open_memstream(&value, &size);
-    if (*text == NULL || file == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a scene");
+    if (file == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a cut");
     }
     for (int k = 0; k < count; ++k) {
         fprintf(file, "%sprocess_%d: [", k == 0 ? "{" : "], ", k);
         const char *before = "";
         for (int i = 0; i < n; ++i) {
-            if ((t->cut == EVERY_OTHER ? i % 2 : (int)((long)i * count / n)) == k) {
+            if ((every_other ? i % count : (int)((long)i * count / n)) == k) {
                 fprintf(file, "%s%s", before, scene->physics.subsystem[i].name);
                 before = ", ";
             }
         }
     }
     fputs("]}", file);
-    pm_status status = fclose(file) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a cut");
-    PM_TRY_DONE(status);
-    PM_TRY_DONE(pm_scene_text_put(text, "processes", t->other ? NULL : value));
-    snprintf(line, sizeof line, "{window: %d, patience: %g, checkpoint: %d}",
-             t->window > 0 ? t->window : scene->network.window, DEADLINE, CHECKPOINT);
-    PM_TRY_DONE(pm_scene_text_put(text, "lockstep", line));
-    if (t->sealed) {
-        PM_TRY_DONE(pm_scene_text_put(text, "key_file", in_folder(a, path, "key")));
-    }
-done:
+    const pm_status status = fclose(file) == 0 ? pm_scene_text_put(text, "processes", value)
+                                               : pm_fail(PM_ENOMEM, "out of memory for a cut");
     free(value);
     return status;
+}
+
+// Makes the text of a trial, which the caller frees.
+static pm_status make_text(const assembly *a, const trial *t, char **text) {
+    const pm_scene *scene = a->setup.scene;
+    const int n = scene->physics.nsubsystem;
+    const int count = t->cut == TOGETHER ? 1 : t->cut != EACH ? 2 : n > MOST_EACH ? BLOCKS : n;
+    char line[LINE], path[PATH_SIZE];
+    *text = strdup(a->text);
+    PM_TRY(*text != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a scene"));
+    PM_TRY(t->other ? pm_scene_text_put(text, "processes", NULL)
+                    : put_processes(scene, t->cut == EVERY_OTHER, count, text));
+    snprintf(line, sizeof line, "{window: %d, patience: %g, checkpoint: %d}",
+             t->window > 0 ? t->window : scene->network.window, DEADLINE, CHECKPOINT);
+    PM_TRY(pm_scene_text_put(text, "lockstep", line));
+    return t->sealed ? pm_scene_text_put(text, "key_file", in_folder(a, path, "key")) : PM_OK;
 }
 
 // Starts a child that executes `command`, with its words in FOLDER/NAME.out and FOLDER/NAME.err. A
@@ -564,6 +575,195 @@ static void print_ports(assembly *a, const crossing *port, const pm_ledger *ledg
     }
 }
 
+// --- what processes cost ---
+
+typedef struct listener {
+    portmet_health_t health; // the last message of a run that has taken steps
+    int count;
+    double rate, cpu; // sums over all messages but the first: steps in a second, CPU time of all
+                      // nodes in a second
+} listener;
+
+static void on_health(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    listener *l = context;
+    if (pm_health_decode(&l->health, data, size) != PM_KEEP || l->health.rate <= 0 ||
+        l->count++ == 0) {
+        return;
+    }
+    l->rate += l->health.rate;
+    for (int i = 0; i < l->health.nprocess; ++i) {
+        l->cpu += l->health.cpu[i];
+    }
+}
+
+// Runs the scene `text` over LCM for some seconds, and notes how it is doing. `who` [LINE] becomes
+// who waits for whom, and stays empty if the run has ended before it has told.
+static pm_status measure_cut(assembly *a, const char *text, listener *l, char *who) {
+    pm_transport *transport = NULL;
+    pm_scene *scene = NULL;
+    pm_arena arena = {0};
+    char path[PATH_SIZE], channel[PM_CHANNEL_SIZE], last[LINE] = "no word";
+    const double end = pm_clock() + DEADLINE;
+    pm_run_options options = {.scene = a->setup.scene->path,
+                              .text = text,
+                              .weights = a->options->weights,
+                              .steps = LONG,
+                              .log = {.program = "portmetd", .part = "run"},
+                              .stop = a->options->stop};
+    pid_t run = 0;
+    siginfo_t info = {0};
+    pm_status status;
+    *l = (listener){0};
+    PM_TRY_DONE(pm_scene_parse(&scene, text, a->setup.scene->path));
+    options.url = pm_connect_url(scene, NULL);
+    l->health.nprocess = scene->network.nprocess;
+    PM_TRY_DONE(pm_health_alloc(&l->health, &arena));
+    PM_TRY_DONE(pm_connect_open(&transport, scene, options.url, "bench", &options.log));
+    PM_TRY_DONE(pm_channel_scene(channel, scene->name, "HEALTH"));
+    PM_TRY_DONE(pm_transport_subscribe(transport, channel, on_health, l));
+    unlink(in_folder(a, path, "run.err"));
+    run = start(a, &pm_command_run, &options, NULL, "run");
+    while (l->count < SECONDS && info.si_pid == 0 && pm_clock() < end && !*a->options->stop) {
+        PM_TRY_DONE(pm_transport_wait(transport, LOOK, NULL));
+        waitid(P_PID, (id_t)run, &info, WEXITED | WNOHANG | WNOWAIT);
+    }
+    const portmet_health_t *h = &l->health;
+    double most = 0;
+    for (int i = 0; i < h->nprocess && l->count > 0; ++i) {
+        if (h->waits_part[i] > most) {
+            most = h->waits_part[i];
+            snprintf(who, LINE, "%s waits for %s %.0f %%", pm_health_name(scene, i),
+                     pm_health_name(scene, h->waits_for[i]), 100 * most);
+        }
+    }
+    if (l->count > 0 && h->blocker != PM_HEALTH_NOBODY) {
+        snprintf(who, LINE, "all others wait for %s", pm_health_name(scene, h->blocker));
+    }
+    if (info.si_pid != 0) { // nothing but a failure or a guard ends it so soon
+        count_in(a, "run.err", "", last);
+        status = pm_fail(PM_EBROKEN, "bench: the run has ended: %.400s", last);
+    }
+done:
+    if (run > 0) {
+        kill(run, SIGTERM);
+        wait_for(a, run, GRACE);
+    }
+    pm_transport_close(transport);
+    pm_arena_free(&arena);
+    pm_scene_free(scene);
+    return status;
+}
+
+// Puts a cut into `count` processes: by cost where the program can, else of consecutive subsystems.
+static pm_status put_cut(const pm_scene *scene, int count, int window, char **text) {
+    char value[128];
+    const int n = scene->physics.nsubsystem;
+    pm_scene *cut_by_cost = NULL;
+    snprintf(value, sizeof value, "{window: %d, patience: %g, checkpoint: %d}", window,
+             scene->network.patience, scene->network.checkpoint);
+    PM_TRY(pm_scene_text_put(text, "lockstep", value));
+    if (count == n) {
+        return pm_scene_text_put(text, "processes", NULL);
+    }
+    snprintf(value, sizeof value, "{auto: %d}", count);
+    PM_TRY(pm_scene_text_put(text, "processes", value));
+    const bool able = count > 1 && pm_scene_parse(&cut_by_cost, *text, scene->path) == PM_OK;
+    pm_scene_free(cut_by_cost);
+    return able ? PM_OK : put_processes(scene, false, count, text);
+}
+
+// Measures cuts and windows, and prints a table and advice.
+static pm_status bench_processes(assembly *a) {
+    static const int windows[] = {1, 4, 16, 64};
+    enum { NWINDOW = sizeof windows / sizeof *windows, NCUT = 3 };
+    const pm_run_options *options = a->options;
+    const pm_scene *scene = a->setup.scene;
+    const int n = scene->physics.nsubsystem, cores = (int)sysconf(_SC_NPROCESSORS_ONLN);
+    const int count[NCUT] = {1, cores < n ? cores : n, n > MOST_EACH ? BLOCKS : n};
+    const pm_start start = {.trajectory =
+                                a->setup.reference == NULL ? -1 : scene->run.reference_trajectory,
+                            .z = a->setup.initial};
+    const pm_rollout_spec spec = {.stepping = {scene->physics.integrator, scene->physics.substeps,
+                                               scene->physics.tolerance, scene->physics.dt, LONG},
+                                  .factor = 1,
+                                  .seconds = SPAN};
+    pm_rollout_result here;
+    double budget = BUDGET, best = INFINITY;
+    int advice[2] = {0, 0};
+    pm_status status = PM_OK;
+    PM_TRY(options->budget == NULL ? PM_OK
+                                   : pm_options_positive("--budget", options->budget, &budget));
+    const double end = pm_clock() + budget;
+    pm_rollout_run(&a->setup, &start, &spec, NULL, &here);
+    PM_TRY(here.steps > 0 ? PM_OK : pm_fail(here.status, "bench: %s", here.why));
+    const double own = here.seconds / (double)here.steps;
+    if (a->json != NULL) {
+        fprintf(a->json, "{\"scene\":\"%s\",\"cores\":%d,\"plain\":%.6g,\"cuts\":[", scene->name,
+                cores, own);
+    } else {
+        printf("%s: %d subsystems, %d cores; without LCM a step takes %.4g ms\n\n%9s %6s %10s "
+               "%10s   %s\n",
+               scene->name, n, cores, 1e3 * own, "processes", "window", "ms a step", "CPU, ms", "");
+    }
+    int rows = 0, left = 0;
+    for (int k = 0; k < NCUT * NWINDOW && status == PM_OK; ++k) {
+        const int row = k / NWINDOW, window = windows[k % NWINDOW];
+        char who[LINE] = "";
+        listener l;
+        if ((row > 0 && count[row] == count[row - 1]) ||
+            (window > 1 && pm_physics_is_adaptive(&scene->physics))) {
+            continue;
+        }
+        if (rows > 0 && pm_clock() > end) {
+            left += 1;
+            continue;
+        }
+        char *text = strdup(a->text);
+        status = text == NULL ? pm_fail(PM_ENOMEM, "out of memory for a scene") : PM_OK;
+        status = status == PM_OK ? put_cut(scene, count[row], window, &text) : status;
+        status = status == PM_OK ? measure_cut(a, text, &l, who) : status;
+        free(text);
+        if (status != PM_OK || l.rate == 0) {
+            continue;
+        }
+        const double seconds = (l.count - 1) / l.rate, cpu = l.cpu / l.rate;
+        if (seconds < best) {
+            best = seconds;
+            advice[0] = count[row];
+            advice[1] = window;
+        }
+        if (a->json != NULL) {
+            fprintf(a->json,
+                    "%s{\"processes\":%d,\"window\":%d,\"seconds\":%.6g,\"cpu\":%.6g,"
+                    "\"waits\":\"%s\"}",
+                    rows == 0 ? "" : ",", count[row], window, seconds, cpu, who);
+        } else {
+            printf("%9d %6d %10.4g %10.4g   %s\n", count[row], window, 1e3 * seconds, 1e3 * cpu,
+                   who);
+            fflush(stdout);
+        }
+        rows += 1;
+    }
+    if (a->json != NULL) {
+        fprintf(a->json, "]}\n");
+    } else if (left > 0) {
+        printf("\n%d settings are left out: they need a larger --budget.\n", left);
+    }
+    PM_TRY(status);
+    PM_TRY(*options->stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK);
+    PM_TRY(rows > 0 ? PM_OK : pm_fail(PM_EBROKEN, "bench: no run has told what its steps cost"));
+    if (a->json == NULL) {
+        printf("\nTake %d process%s and a window of %d: %.4g ms a step.\n", advice[0],
+               advice[0] == 1 ? "" : "es", advice[1], 1e3 * best);
+    }
+    if (options->write != NULL) {
+        PM_TRY(put_cut(scene, advice[0], advice[1], &a->text));
+        PM_TRY(pm_scene_text_write(a->text, options->write, options->weights));
+    }
+    return PM_OK;
+}
+
 // --- the command ---
 
 static pm_status make_trials(assembly *a) {
@@ -655,8 +855,11 @@ static pm_status execute(const pm_run_options *options) {
     pm_status status;
     PM_TRY_DONE(pm_prepare(&a.setup, options, PM_TO_COORDINATE));
     const pm_scene *scene = a.setup.scene;
-    if (scene->network.nlive > 0 && a.setup.replay == NULL) {
-        status = pm_fail(PM_EUSAGE, "test: live inputs need a recording of them: --replay FILE");
+    if (scene->network.nlive > 0 && (a.setup.replay == NULL || options->processes)) {
+        status =
+            pm_fail(PM_EUSAGE, options->processes
+                                   ? "bench: --processes is for scenes without live inputs"
+                                   : "test: live inputs need a recording of them: --replay FILE");
         goto done;
     }
     if (!options->here) {
@@ -667,6 +870,11 @@ static pm_status execute(const pm_run_options *options) {
     if (mkdtemp(a.folder) == NULL) {
         status = pm_fail(PM_EFILE, "%s: %s", a.folder, strerror(errno));
         a.folder[0] = '\0';
+        goto done;
+    }
+    if (options->processes) {
+        PM_TRY_DONE(pm_scene_text_read(scene->path, &a.text));
+        status = bench_processes(&a);
         goto done;
     }
     port = pm_arena_array(&a.setup.arena, (size_t)scene->physics.nport, sizeof *port);

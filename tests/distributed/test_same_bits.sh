@@ -84,4 +84,10 @@ ends right $right 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/hand.h5" || fail "by hand"
 
 no_orphans "at the end" ""
+# bench --processes: what a step costs in one process over LCM; a small budget leaves the other cuts out.
+"$portmetd" bench "$scene" --processes --budget 0.1 --write "${scene%.yaml}_cut.yaml" >"$folder/bench.out" ||
+    fail "bench --processes"
+grep -Eq '^ +1 +1 +[0-9.e-]+ +[0-9.e-]+ +process_0 waits for coordinator' "$folder/bench.out" || fail "bench --processes: no row"
+grep -q '^Take 1 process and a window of 1: ' "$folder/bench.out" || fail "bench --processes: no advice"
+grep -q '^processes: {process_0: \[left, ' "${scene%.yaml}_cut.yaml" || fail "bench --processes --write"
 finish

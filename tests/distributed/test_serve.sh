@@ -31,6 +31,7 @@ start serve serve "$scene" --record "$records"
 serve=$pid
 wait_until sh -c "'$portmetd' query '$scene' | grep -q '^pair: idle'" || fail "serve: not idle"
 asks 0 '"name":"left","groups":\[\["q","m",' query
+asks 0 '"loss":[0-9.e+-]*,"verdict":"good"},' query
 for i in 1 2 3; do
     asks 0 "step 50 of 50" start --steps 50 --wait --record "run$i.h5"
     same run$i.h5 plain.h5

@@ -60,4 +60,6 @@ expect 3 "start: expected 10 numbers, found 2" check "$folder/short.yaml"
 grep -Eq '^  end b      lower exposes q \(trained on 0\.[0-9]* to [0-9.]* m\) p \(' "$folder/out" || fail "check: ranges of an end"
 "$portmetd" check "$configs/driven_double_pendulum.yaml" >"$folder/out" || fail "check"
 grep -q 'upper was learned without this port, by another fit$' "$folder/out" || fail "check: who was learned apart"
+grep -q '^  ranges     upper.s was trained on -0.202 to 0.102 J/K, and lower.s reaches -0.212 to 0.148$' "$folder/out" ||
+    fail "check: ranges that one end reaches and the other does not know"
 finish
