@@ -231,17 +231,18 @@ static pm_status write_text(const char *path, const char *head, const char *text
     return written ? PM_OK : pm_fail(PM_EFILE, "%s: cannot be written", path);
 }
 
-// Compiles the text to the files CODE and SOURCE, which appear whole.
-static pm_status build(const char *compiler, const char *code, const char *source,
-                       const char *text) {
-    char made[2][PATH_SIZE + 80], head[40];
+// Compiles the text, in a folder of its own, to the files CODE and SOURCE, which appear whole.
+static pm_status build(const char *compiler, const char *folder, const char *code,
+                       const char *source, const char *text) {
+    char own[PATH_SIZE + 40], made[2][PATH_SIZE + 80], head[40];
     int exit_code = 0;
     pm_status status;
-    for (int i = 0; i < 2; ++i) {
-        snprintf(made[i], sizeof made[i], "%s.%ld%s", i == 0 ? code : source, (long)getpid(),
-                 i == 0 ? ".so" : ".c");
-        (void)unlink(made[i]);
+    snprintf(own, sizeof own, "%s/XXXXXX", folder);
+    if (mkdtemp(own) == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
     }
+    snprintf(made[0], sizeof made[0], "%s/code.so", own);
+    snprintf(made[1], sizeof made[1], "%s/source.c", own);
     char *const argv[] = {(char *)compiler,
                           "-std=gnu11",
                           "-O3",
@@ -275,6 +276,7 @@ static pm_status build(const char *compiler, const char *code, const char *sourc
 done:
     (void)unlink(made[0]);
     (void)unlink(made[1]);
+    (void)rmdir(own);
     return status;
 }
 
@@ -314,7 +316,7 @@ pm_status pm_compiler_link(pm_compiler *c) {
     snprintf(code, sizeof code, "%s/%016llx.so", folder, (unsigned long long)key);
     snprintf(source, sizeof source, "%s/%016llx.c", folder, (unsigned long long)key);
     if (!is_kept(code, source, c->text)) {
-        PM_TRY(build(compiler, code, source, c->text));
+        PM_TRY(build(compiler, folder, code, source, c->text));
     }
     void *library = dlopen(code, RTLD_NOW | RTLD_LOCAL);
     if (library == NULL) {

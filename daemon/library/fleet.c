@@ -88,13 +88,11 @@ pm_status pm_fleet_open(pm_fleet *fleet, const pm_setup *setup, int64_t count, i
         PM_TRY(pm_monolithic_keep_steps(w->alone.monolithic));
         PM_TRY(together == NULL ? PM_OK : open_engine(&w->together, fleet, together, fleet->lanes));
     }
-    if (!by_state) {
-        pm_serializer counter = pm_serializer_count("copy");
-        pm_monolithic_record(fleet->worker[0].alone.monolithic, &counter);
-        fleet->nrecord = counter.count;
-        fleet->record = pm_arena_array(&fleet->arena, n * (size_t)counter.count, sizeof(double));
-        PM_TRY(pm_arena_status(&fleet->arena, "%lld copies", (long long)count));
-    }
+    pm_serializer counter = pm_serializer_count("copy");
+    pm_monolithic_record(fleet->worker[0].alone.monolithic, &counter);
+    fleet->nrecord = by_state ? 0 : counter.count;
+    fleet->record = pm_arena_array(&fleet->arena, n * (size_t)fleet->nrecord + 1, sizeof(double));
+    PM_TRY(pm_arena_status(&fleet->arena, "%lld copies", (long long)count));
     fleet->row = physics->nz + 2 + fleet->nrecord; // the steps, and whether it has ended
     for (size_t i = 0; i < n; ++i) {
         memcpy(fleet->z + i * nz, setup->initial, nz * sizeof *fleet->z);
