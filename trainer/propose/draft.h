@@ -23,7 +23,7 @@ typedef enum pm_question {
     PM_ASK_ANGLE,       // how functions depend on angles
     PM_ASK_KINETIC,     // how the energy depends on momenta
     PM_ASK_TEMPERATURE, // of the scene: the temperatures with which training starts
-    PM_ASK_SIZE,        // of the scene: of the networks
+    PM_ASK_SIZE,        // of the scene: of networks, and how many processes conduct heat
     PM_QUESTIONS
 } pm_question;
 
@@ -41,7 +41,7 @@ typedef enum pm_answer {
     PM_JOINT,         // one function with the rest
     PM_OF_MOTION,     // on what changes its sign when time runs backwards
     PM_ROOM,          // 300 K
-    PM_LARGE,         // twice as wide
+    PM_LARGE,         // networks that are twice as wide, and heat between any two bodies
     PM_EXCHANGE,      // what leaves one end of a port enters the other
     PM_BY_DIFFERENCES // functions of the differences of co-energies at both ends, and of entropies
 } pm_answer;

@@ -22,7 +22,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_JOINT] = "not apart",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_ROOM] = "300 K",
-                                    [PM_LARGE] = "larger networks",
+                                    [PM_LARGE] = "larger",
                                     [PM_EXCHANGE] = "by what one end loses and the other gains",
                                     [PM_BY_DIFFERENCES] =
                                         "a function of differences of co-energies"};
@@ -173,7 +173,7 @@ void pm_draft_ask(pm_draft *d) {
         if (port == NULL && n.heat > 0 && n.position) {
             ask(d, PM_ASK_HEAT, component, 2, heat);
         }
-        if (n.heat > 0 && (port == NULL ? n.lossy > 0 : n.heat + n.lossy > 1)) {
+        if (n.heat > 0 && n.heat + n.lossy > 1) {
             int partner[PM_MAX_GROUPS];
             const int pairs =
                 port == NULL ? 0 : pm_draft_exchange(d, component - physics->nsubsystem, partner);

@@ -26,6 +26,7 @@
 #define FREE_WIDTH_OF_MANY 24
 #define MANY_SUBSYSTEMS 3
 
+#define MOST_BODIES 5 // up to which any two of one operator may exchange heat by a law of their own
 #define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
 #define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
 #define WHOLE 1e-14        // relative: a number that is so close to a whole one is this one
@@ -357,6 +358,13 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
     }
 }
 
+// Returns the number of processes that conduct heat between so many bodies: as many as move their
+// entropies independently, or one between every two, where larger models are tried.
+static int conductions_of(const pm_draft *d, int bodies) {
+    const bool large = pm_draft_answer(d, PM_ASK_SIZE, 0) == PM_LARGE && bodies <= MOST_BODIES;
+    return bodies < 2 ? 0 : large ? bodies * (bodies - 1) / 2 : bodies - 1;
+}
+
 // --- subsystems: operators ---
 
 static bool is_free(const pm_part_view *v, int g) {
@@ -446,7 +454,7 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
 }
 
 static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool heat) {
-    pm_look_group lossy[PM_MAX_GROUPS];
+    pm_look_group lossy[PM_MAX_GROUPS] = {{0}};
     bool loses[PM_MAX_GROUPS];
     int n = 0, heats = 0;
     for (int g = 0; g < v->count; ++g) {
@@ -456,7 +464,7 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool he
         }
         heats += is_entropy(v, g) && !v->group[g].constant ? size_of(v, g) : 0;
     }
-    const int rank = pm_look_rank(&d->look, n, lossy) + (heats > 1 ? heats - 1 : 0);
+    const int rank = pm_look_rank(&d->look, n, lossy) + conductions_of(d, heats);
     if ((heats == 0 && !heat) || rank == 0) {
         return;
     }
@@ -839,7 +847,7 @@ static void write_port_irreversible(port_draft *p, int port) {
     }
     // The port gets as many irreversible processes as it has variables: with the smallest
     // sufficient number, fits end in poor minima.
-    const int rank = lossy + (heats > 1 ? heats - 1 : 0);
+    const int rank = lossy + conductions_of(d, heats);
     if (heats == 0 || rank == 0) {
         if (lossy > 0) {
             fprintf(p->f, "    # Nothing takes up heat here, since the port exposes no entropy.\n");
