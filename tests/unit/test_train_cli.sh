@@ -223,8 +223,8 @@ with_modes 's/state: 3/state: 7/'
 expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 
 # --- fit ---
-sed "s|^scene: |scene: $PWD/configs/train/|; /scale:/s/s: 300.0/s: [-300.0]/" configs/train/public_beam.yaml >"$folder/bad.yaml"
-expect 3 "expected numbers >= 0, found -300" fit "$folder/bad.yaml" -o "$folder/none"
+sed "s|^scene: |scene: $PWD/configs/train/|; /scale:/s/3.4, 3.4/3.4, -3.4/" configs/train/public_beam.yaml >"$folder/bad.yaml"
+expect 3 "expected numbers >= 0, found -3.4" fit "$folder/bad.yaml" -o "$folder/none"
 "$train" propose "$scene" --data "$data" -o "$folder/first.yaml" --budget 0 >"$folder/out" 2>"$folder/err" || fail "propose"
 sed 's/unit: J\/K/unit: furlongs/' "$scene" >"$folder/odd.yaml"
 succeed 'the unit "furlongs" is not known' propose "$folder/odd.yaml" --data "$data" -o "$folder/odd_first.yaml" --budget 0
