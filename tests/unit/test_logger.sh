@@ -174,6 +174,22 @@ done
 succeed "u [1]: an input; moves, with a learned factor, pA; moves, with a learned factor, pB; held" propose --budget 0 --data "$folder"/valve_?.csv --inputs u -o "$folder/valve"
 grep -q "sign_u_pB_1" "$folder/valve/training.yaml" || fail "propose: the valve of the second chamber is one"
 
+# A vessel behind an orifice, with noise: the flow is the root of the difference of pressures.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); p = 2e6 + 2e6*rand(); print "t [s],p [bar],ps [bar]"
+        for (k = 0; k < 150; k++) {
+            if (k % 15 == 0) s = 1e6 + 4e6*rand()
+            printf "%.3f,%.9g,%.6g\n", 0.01*k, (p + 3e4*(rand() - 0.5))/1e5, s/1e5
+            for (j = 0; j < 50; j++) { d = s - p; p += 2e-4*1e4*(d < 0 ? -1 : 1)*(sqrt(sqrt(d*d + 1e6)) - sqrt(1e3)) }
+        }
+    }' >"$folder/vessel_$i.csv"
+done
+succeed "ps [Pa]: an input; acts through a resistance on p" propose --budget 0 --data "$folder"/vessel_?.csv --inputs ps -o "$folder/vessel"
+succeed "Verdict: good" fit "$folder/vessel/training.yaml" -o "$folder/vessel/weights"
+grep -q "root_ps_p\*.*/sqrt(sqrt((a.p - b.dE.x)^2" "$folder/vessel/training.yaml" || fail "propose: the flow may be a root"
+grep -qE "middle_ps_p_2: .learned: -?0\." "$folder/vessel/training.yaml" || fail "propose: bends lie where the difference of pressures is"
+
 # Mistakes are told.
 expect 2 'the tables have no column "x"' propose --data "$folder/motor/data.h5" --inputs u,x -o "$folder/x"
 finish

@@ -450,7 +450,8 @@ static void write_losses(pm_logger_writer *w, int part) {
                 snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
                 snprintf(x, sizeof x, "a.%.40s - a.%.40s", y->name, other->name);
                 fprintf(w->model, "%s[a.%s, a.%s, \"", next, y->name, other->name);
-                pm_logger_write_resistance(w, both, x, y, y->inertia * fabs(v->coupling[i][j]));
+                pm_logger_write_resistance(w, both, x, y, other,
+                                           y->inertia * fabs(v->coupling[i][j]));
                 fputs("\"]", w->model);
             }
         }
@@ -610,7 +611,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 char drop[PM_LOGGER_TEXT];
                 snprintf(drop, sizeof drop, "%.60s - b.dE.x", x);
                 fprintf(w->model, "[%s, b.x, \"", x);
-                pm_logger_write_resistance(w, both, drop, y, action->gain);
+                pm_logger_write_resistance(w, both, drop, y, &v->column[input], action->gain);
                 fputs("\"]", w->model);
                 break;
             }

@@ -502,7 +502,10 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
 }
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
-                                const pm_logger_column *y, double start) {
+                                const pm_logger_column *y, const pm_logger_column *other,
+                                double start) {
+    pm_logger_column drop = *y;
+    const pm_unit pressure = pm_unit_parse("Pa");
     const double d = fmax(fabs(y->least), fabs(y->largest)), dry = DRY * y->deviation;
     const int law = w->chosen[PM_LOGGER_FRICTION];
     pm_logger_constant(w, "linear", name, start);
@@ -519,9 +522,17 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         pm_logger_constant(w, "width", name, dry); // of the step at rest
         fprintf(w->model, " + dry_%s*%.4g/sqrt((%s)^2 + width_%s^2)", name, d, x, name);
     }
+    if (law <= DRY_FRICTION && pm_unit_equal(&y->dimension, &pressure)) {
+        // An orifice: the flow is the root of the difference of pressures.
+        pm_logger_constant(w, "root", name, SMALL * start);
+        pm_logger_constant(w, "round", name, dry);
+        fprintf(w->model, " + root_%s*%.4g/sqrt(sqrt((%s)^2 + round_%s^2))", name, sqrt(d), x,
+                name);
+    }
     fputs(")", w->model);
     if (law == BENT_FRICTION && y->mate < 0) {
-        write_factor(w, name, x, y, NULL, NULL);
+        drop.mean -= other == NULL ? 0 : other->mean;
+        write_factor(w, name, x, &drop, NULL, NULL);
     }
 }
 
@@ -533,7 +544,7 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, int t) {
     snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
              t < 0 ? "" : w->v->column[t].name);
     fprintf(w->model, "[%s, %s%s, \"", x, t < 0 ? "b." : "", t < 0 ? "s" : w->v->column[t].name);
-    pm_logger_write_resistance(w, name, x, y, start);
+    pm_logger_write_resistance(w, name, x, y, NULL, start);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
         fputs("*exp(0", w->model);
         write_lever(w, name, "a.", y->part, true, y->mate, 1);

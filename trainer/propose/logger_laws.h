@@ -113,10 +113,11 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action);
 
 // Writes the coefficient of friction or resistance, which depends on x, a co-energy or a difference
-// of two: "(linear_name + ...)". y describes the co-energy, and `start` is where the linear part
-// begins.
+// of two: "(linear_name + ...)". y describes the co-energy, `other` the one that is subtracted or
+// is NULL, and `start` is where the linear part begins.
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
-                                const pm_logger_column *y, double start);
+                                const pm_logger_column *y, const pm_logger_column *other,
+                                double start);
 
 // Writes friction and resistance of co-energy c whose heat goes to the surroundings, or to
 // temperature t of the same part if it is not -1.

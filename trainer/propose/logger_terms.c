@@ -115,6 +115,7 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
     const pm_dataset *d = v->dataset;
     const int length = pm_logger_window(w, target), base = 1 + v->ncolumn;
     equations *judge = learn + 1;
+    learn->rest = 0;
     if (list->count == known || base + list->count > MOST) {
         return 0;
     }
