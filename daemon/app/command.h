@@ -30,6 +30,7 @@ typedef struct pm_run_options {
     const char *write;             // file of a scene
     const char *starts;            // dataset of the states in which copies start
     const char *picture;           // name of a picture, without its ending
+    const char *control;           // who may control a service besides clients; NULL: nobody
     int64_t seed;                  // of random starts
     int64_t steps;                 // number of steps of the run; 0: as the scene says
     int64_t session;   // number of the session to join or to open; 0: no session was given

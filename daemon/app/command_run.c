@@ -566,10 +566,10 @@ static void put_digest(FILE *file, const pm_component *component) {
 }
 
 // Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
-// "records", "states", "subsystems": [{"name", "groups": [[name, unit, size, least and largest
-// value of the training where the weights know them]], "weights", "loss", and where the weights
-// know it "verdict" of the fit}], "ports": [{"name", "law", "ends", "weights", "loss", "verdict"}],
-// "inputs": [[name, channel, unit]]}. Names need no quoting.
+// "records", "view", "states", "subsystems": [{"name", "groups": [[name, unit, size, least and
+// largest value of the training where the weights know them]], "weights", "loss", and where the
+// weights know it "verdict" of the fit}], "ports": [{"name", "law", "ends", "weights", "loss",
+// "verdict"}], "inputs": [[name, channel, unit]]}. Names need no quoting.
 static pm_status describe(service *s, char **text) {
     const pm_scene *scene = s->setup.scene;
     const pm_physics *physics = &scene->physics;
@@ -584,10 +584,11 @@ static pm_status describe(service *s, char **text) {
     }
     fprintf(file,
             "{\"scene\":\"%s\",\"dt\":%.17g,\"steps\":%d,\"integrator\":\"%s\",\"substeps\":%d,"
-            "\"digest\":\"%016" PRIx64 "\",\"records\":%s,\"states\":%s,\"subsystems\":[",
+            "\"digest\":\"%016" PRIx64
+            "\",\"records\":%s,\"view\":%s,\"states\":%s,\"subsystems\":[",
             scene->name, physics->dt, scene->run.steps, physics->integrator->name,
             physics->substeps, s->setup.system->digest, s->folder == NULL ? "false" : "true",
-            states ? "true" : "false");
+            s->options.control == NULL ? "false" : "true", states ? "true" : "false");
     for (int i = 0; i < physics->nsubsystem && states; ++i) {
         const pm_scene_subsystem *subsystem = &physics->subsystem[i];
         const pm_training_range range = pm_training_range_of(s->setup.system->part[i]);
@@ -639,6 +640,9 @@ static pm_status execute_serve(const pm_run_options *options) {
     pm_lockstep_coordinator_options own = {.stays = true};
     pm_status status;
     s.options.quiet = true;
+    if (options->control != NULL && strcmp(options->control, "view") != 0) {
+        return pm_fail(PM_EUSAGE, "--control: expected view, found \"%s\"", options->control);
+    }
     PM_TRY_DONE(pm_prepare(&s.setup, options, PM_TO_COORDINATE));
     const pm_scene *scene = s.setup.scene;
     const char *url = pm_connect_url(scene, options->url);
@@ -659,8 +663,13 @@ static pm_status execute_serve(const pm_run_options *options) {
     PM_TRY_DONE(describe(&s, &description));
     PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, s.setup.system, transport, &own));
-    const pm_control_service serves = {&s,        description, s.folder == NULL ? NULL : place,
-                                       begin_run, end_run,     check_reload};
+    const pm_control_service serves = {.context = &s,
+                                       .description = description,
+                                       .views = options->control != NULL,
+                                       .path = s.folder == NULL ? NULL : place,
+                                       .begin = begin_run,
+                                       .end = end_run,
+                                       .reload = check_reload};
     PM_TRY_DONE(pm_control_open(&control, s.coordinator, &serves));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, scene->network.nprocess, &options->log));
     const struct sigaction action = {.sa_handler = hang_up, .sa_flags = SA_RESTART};

@@ -20,6 +20,7 @@
 #include "base/journal.h"
 #include "lockstep/health.h"
 #include "lockstep/listener.h"
+#include "lockstep/remote.h"
 #include "scene/recording.h"
 #include "store/hdf5_io.h"
 
@@ -34,6 +35,7 @@
 #define NAME_SIZE 256          // bytes of the name of a node, a value or a series
 #define TEXT_SIZE 8192         // bytes of a name or path in JSON, at most
 #define DEFAULT_PORT 8080      // of the page
+#define CONTROL_PATIENCE 1.0   // s for a service to answer what the page asks for
 #define DEFAULT_ADDRESS "127.0.0.1"
 
 // The numbers of a frame: first the TOTALS below; then the energy (J), the entropy (J/K) and the
@@ -100,11 +102,16 @@ typedef struct view {
     pm_transport *transport;
     pm_listener *listener; // NULL: a recording is shown
     pm_view_server *server;
-    int datagrams;         // file descriptor; -1: none are sent
-    int64_t session, step; // of the newest frame
-    int64_t health;        // number of the newest state of health
-    int64_t health_count;  // health messages that it counts
-    bool health_over;      // whether it says that the run is over
+    int datagrams;                // file descriptor; -1: none are sent
+    int64_t session, step;        // of the newest frame
+    int64_t health;               // number of the newest state of health
+    int64_t health_count;         // health messages that it counts
+    bool health_over;             // whether it says that the run is over
+    pm_transport *control;        // on which the service is asked; NULL: not yet
+    pm_client *client;            // of the service
+    bool allowed;                 // the service does what views ask for
+    int64_t said;                 // number of the last answer
+    char answer[PM_TEXT_MAX + 1]; // what the service says; "": it has done it
 } view;
 
 // --- the graph ---
@@ -515,12 +522,81 @@ static void write_health(FILE *file, const pm_scene *scene, const portmet_health
     fputs("]}}", file);
 }
 
+// --- control ---
+
+static void close_client(view *v) {
+    pm_remote_close(v->client);
+    pm_transport_close(v->control);
+    v->client = NULL;
+    v->control = NULL;
+}
+
+// Asks the service for what a client of the page wants: "query" tells alone whether it may.
+static pm_status ask(view *v, const char *word) {
+    static const struct {
+        const char *word;
+        portmet_control_t request;
+    } words[] = {
+        {"query", {.kind = PORTMET_CONTROL_T_QUERY}},
+        {"start", {.kind = PORTMET_CONTROL_T_START}},
+        {"hold", {.kind = PORTMET_CONTROL_T_PAUSE}},
+        {"step", {.kind = PORTMET_CONTROL_T_ADVANCE, .steps = 1}},
+        {"reset", {.kind = PORTMET_CONTROL_T_RESET, .held = 1}},
+        {"stop", {.kind = PORTMET_CONTROL_T_STOP}},
+    };
+    const size_t count = sizeof words / sizeof *words;
+    size_t k = 0;
+    while (k < count && strcmp(words[k].word, word) != 0) {
+        ++k;
+    }
+    if (k == count || v->listener == NULL) {
+        return PM_OK;
+    }
+    if (v->client == NULL) {
+        const pm_remote_options as = {v->scene->name, "view", CONTROL_PATIENCE, v->options->stop};
+        const char *address;
+        v->allowed = false;
+        PM_TRY(pm_connect_listener(v->scene, v->options->url, &address));
+        PM_TRY(pm_connect_open(&v->control, v->scene, address, "view", &v->options->log));
+        PM_TRY(pm_remote_open(&v->client, v->control, &as));
+    }
+    v->allowed = strstr(pm_remote_served(v->client)->description, "\"view\":true") != NULL;
+    PM_TRY(pm_remote_ask(v->client, &words[0].request, true));
+    portmet_control_t request = words[k].request;
+    const bool held = pm_remote_reply(v->client)->phase == PORTMET_CONTROL_REPLY_T_HELD;
+    if (request.kind == PORTMET_CONTROL_T_START) {
+        request.steps = v->scene->run.steps;
+        request.kind = held ? PORTMET_CONTROL_T_RESUME : request.kind;
+    }
+    return k == 0 ? PM_OK
+                  : pm_remote_ask(v->client, &request, request.kind != PORTMET_CONTROL_T_START);
+}
+
+// Does what a client of the page has sent, and tells all of them how that went.
+static void hear(void *context, const char *word) {
+    view *v = context;
+    const pm_status status = ask(v, word);
+    v->said += 1;
+    snprintf(v->answer, sizeof v->answer, "%s", status == PM_OK ? "" : pm_error());
+    if (status == PM_ETIMEOUT || status == PM_ECONFIG || status == PM_ENET) {
+        close_client(v); // it may be another service the next time
+    }
+}
+
 // Writes the next message that a client of the page has not received.
 static bool write_next(void *context, pm_view_progress *progress, FILE *file) {
     const view *v = context;
     if (progress->scene == 0) {
         progress->scene = 1;
+        progress->control = v->said;
         write_scene(file, v);
+        return true;
+    }
+    if (progress->control != v->said) {
+        progress->control = v->said;
+        fprintf(file, "{\"control\":{\"allowed\":%s,\"said\":", v->allowed ? "true" : "false");
+        put_text(file, v->answer);
+        fputs("}}", file);
         return true;
     }
     const portmet_health_t *health = v->listener == NULL ? NULL : pm_listener_health(v->listener);
@@ -741,7 +817,7 @@ static pm_status open_view(view *v) {
     if (options->udp == 0 || options->port != 0) { // the page is served unless only --udp is given
         const char *address = options->bind == NULL ? DEFAULT_ADDRESS : options->bind;
         const int port = options->port == 0 ? DEFAULT_PORT : (int)options->port;
-        PM_TRY(pm_view_server_open(&v->server, address, port, write_next, v));
+        PM_TRY(pm_view_server_open(&v->server, address, port, write_next, hear, v));
         printf("portmetd: a view of %s at http://%s:%d/\n", v->scene->name, address, port);
     }
     fflush(stdout);
@@ -772,6 +848,7 @@ static pm_status execute(const pm_run_options *options) {
     status = pm_fail(PM_EINTERRUPTED, "interrupted");
 done:
     pm_view_server_close(v.server);
+    close_client(&v);
     pm_listener_close(v.listener);
     pm_transport_close(v.transport);
     if (v.datagrams >= 0) {
@@ -791,7 +868,9 @@ const pm_command pm_command_view = {
         "network, as a page in a browser: the subsystems as a graph, with arrows as wide as the\n"
         "power through each port; both laws; energies and entropies over time; and how each\n"
         "process is doing. The page can stop at any time of the run. A view shows whatever run of\n"
-        "the scene it hears, one after the other, and cannot change any. With --recording it "
+        "the scene it hears, one after the other. It can start, hold, step, reset and stop runs "
+        "of a\n"
+        "service that was started with `--control view`, and of no other. With --recording it "
         "shows\n"
         "a recording. It ends when it is interrupted.",
     .examples = "portmetd view configs/chain_10.yaml --port 8080\n"

@@ -17,7 +17,7 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 45, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 46, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -132,6 +132,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
                                        "values of the live inputs, in the order of query")},
         {PM_OPTION_RECORDING, text_option("--recording", "FILE", &run->recording,
                                           "show this recording instead of a run")},
+        {PM_OPTION_ELSEWHERE, text_option("--control", "view", &run->control,
+                                          "let `portmetd view` start, hold and step runs")},
         {PM_OPTION_TEST,
          {.name = "--here",
           .on = &run->here,

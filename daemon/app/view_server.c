@@ -28,6 +28,7 @@ struct pm_view_server {
     const struct lws_protocols *protocol;
     page_file file[NFILE];
     pm_view_next *next;
+    pm_view_hear *hear;
     void *next_context;
     int nclient;
     struct lws *client[PM_VIEW_CLIENTS + 1]; // [nclient] the websockets, the oldest first
@@ -112,7 +113,6 @@ static int on_request(const pm_view_server *s, struct lws *wsi, connection *c, c
 
 static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *user, void *in,
                     size_t length) {
-    (void)length;
     pm_view_server *s = lws_context_user(lws_get_context(wsi));
     connection *c = user;
     switch ((int)reason) {
@@ -171,7 +171,15 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
         free(text);
         return good ? 0 : -1;
     }
-    default: // what a client sends is ignored
+    case LWS_CALLBACK_RECEIVE: {
+        char word[PM_VIEW_WORD] = "";
+        if (length < sizeof word && lws_is_first_fragment(wsi) && lws_is_final_fragment(wsi)) {
+            memcpy(word, in, length);
+            s->hear(s->next_context, word);
+        }
+        return 0;
+    }
+    default:
         return 0;
     }
 }
@@ -179,7 +187,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 // --- opening ---
 
 pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
-                              pm_view_next *next, void *context) {
+                              pm_view_next *next, pm_view_hear *hear, void *context) {
     pm_view_server *s = calloc(1, sizeof *s);
     if (s == NULL) {
         return pm_fail(PM_ENOMEM, "view: out of memory for the page");
@@ -191,6 +199,7 @@ pm_status pm_view_server_open(pm_view_server **server, const char *address, int 
     };
     pm_status status;
     s->next = next;
+    s->hear = hear;
     s->next_context = context;
     memcpy(s->file, files, sizeof files);
     for (int i = 0; i < NFILE; ++i) {
@@ -275,8 +284,8 @@ pm_status pm_view_server_serve(pm_view_server *server, double seconds,
 #else // a program that was built without libwebsockets has no server
 
 pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
-                              pm_view_next *next, void *context) {
-    (void)server, (void)address, (void)next, (void)context;
+                              pm_view_next *next, pm_view_hear *hear, void *context) {
+    (void)server, (void)address, (void)next, (void)hear, (void)context;
     return pm_fail(PM_ENET,
                    "no page on port %d: this portmetd was built without libwebsockets "
                    "(libwebsockets-dev); --udp works without it",

@@ -424,10 +424,14 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     control->waiting -= from->waits;
     from->waits = false;
     from->reply = UNANSWERED;
+    from->code = PM_OK; // that of an earlier request may be another one
     from->nonce = r->nonce;
     from->kind = r->kind;
     snprintf(from->name, sizeof from->name, "%s", r->sender);
-    const pm_status status = execute(control, from, r);
+    const pm_status status =
+        strcmp(r->sender, "view") == 0 && !control->service.views
+            ? pm_fail(PM_EUSAGE, "the service was started without --control view")
+            : execute(control, from, r);
     if (status != PM_OK) {
         settle(control, from, PORTMET_CONTROL_REPLY_T_REFUSED, status, pm_error());
     } else if (!from->waits) {

@@ -42,6 +42,7 @@ typedef struct pm_control_service {
     // No run is under way: checks that what is served can be read again, which is then done. A
     // failure refuses it.
     pm_status (*reload)(void *context);
+    bool views; // requests of `portmetd view`, whose sender is "view", are done; else refused
 } pm_control_service;
 
 // Opens the control of a coordinator that stays. `service` is copied. PM_ECONFIG: a channel's name

@@ -1,5 +1,5 @@
-// The page of `portmetd view`: draws the messages of its websocket (daemon/app/command_view.c) and
-// sends nothing. All frames that have come are kept, at most MOST; when there are more, every second
+// The page of `portmetd view`: draws the messages of its websocket (daemon/app/command_view.c), and
+// sends the words of its buttons where the service lets views control runs. All frames that have come are kept, at most MOST; when there are more, every second
 // one of the older half is forgotten.
 "use strict";
 
@@ -10,7 +10,7 @@ const NS = "http://www.w3.org/2000/svg";
 const byId = id => document.getElementById(id);
 
 let scene = null, frames = [], health = null, paused = false, shown = -1, dirty = true;
-let connected = false, lastFrame = 0, lastHealth = 0, place = [], selected = -1;
+let socket = null, connected = false, lastFrame = 0, lastHealth = 0, place = [], selected = -1;
 
 // --- numbers ---
 
@@ -28,8 +28,8 @@ function text(value, unit) {
 // --- receiving ---
 
 function connect() {
-  const socket = new WebSocket("ws://" + location.host + "/");
-  socket.onopen = () => { connected = true; scene = null; dirty = true; };
+  socket = new WebSocket("ws://" + location.host + "/");
+  socket.onopen = () => { connected = true; scene = null; dirty = true; socket.send("query"); };
   socket.onmessage = event => receive(JSON.parse(event.data));
   socket.onclose = () => { connected = false; dirty = true; setTimeout(connect, 1000); };
 }
@@ -45,6 +45,9 @@ function receive(message) {
     document.title = scene.name + " - portmet";
   } else if (message.frame) {
     addFrame(message.frame);
+  } else if (message.control) {
+    byId("control").hidden = !message.control.allowed;
+    byId("said").textContent = message.control.said;
   } else if (message.health) {
     health = message.health;
     lastHealth = performance.now();
@@ -56,6 +59,7 @@ function addFrame(frame) {
   if (frames.length && frames[0].session !== frame.session) {
     frames = [];
     paused = false;
+    if (byId("control").hidden) socket.send("query");
   }
   lastFrame = performance.now();
   frames.push(frame);
@@ -341,7 +345,7 @@ function peer(name, share) {
 }
 
 function healthRow(r) {
-  const row = document.createElement("tr"), quiet = r.silent < 0 || r.silent > 3;
+  const row = document.createElement("tr"), quiet = r.silent < 0 || r.silent > Math.max(3, health.rate ? 0 : health.processes / 4);
   const add = (content, bad) => {
     const cell = row.insertCell();
     cell.textContent = content;
@@ -414,6 +418,7 @@ function draw() {
 }
 
 byId("pause").onclick = () => { paused = !paused; dirty = true; };
+byId("control").onclick = event => { if (connected && event.target.value) socket.send(event.target.value); };
 byId("at").oninput = event => { paused = true; shown = Number(event.target.value); dirty = true; };
 document.onkeydown = event => {
   if (event.key === " " && event.target.tagName !== "BUTTON") { paused = !paused; dirty = true; event.preventDefault(); }

@@ -137,6 +137,47 @@ timeout 30 "$portmetd" view "$scene" >/dev/null 2>"$folder/taken.err"
 kill -INT $first
 ends first $first 12 "interrupted"
 
+# --- a service, whose runs the page controls if it may ---
+port=8082
+# said WORD EXPRESSION: what the page is told when it asks for this.
+said() {
+    client ask "$1"
+    expect "$2"
+}
+for control in "" "--control view"; do
+    start serve serve "$scene" $control
+    serve=$pid
+    wait_until sh -c "'$portmetd' query '$scene' | grep -q '^pair: idle'" || fail "serve: not idle"
+    start control view "$scene" --port $port
+    wait_until serves control || fail "control: no page"
+    if [ -z "$control" ]; then
+        said query "m == {'allowed': False, 'said': ''}"
+        said start "'without --control view' in m['said'] and not m['allowed']"
+        "$portmetd" query "$scene" | grep -q '^pair: idle' || fail "a view has started a run that it must not"
+    else
+        said query "m == {'allowed': True, 'said': ''}"
+        said step "'no run is under way' in m['said']"
+        said start "m['said'] == ''"
+        said reset "m['said'] == '' or 'no run is under way' in m['said']"
+        "$portmetd" start "$scene" --held --endless >"$folder/held.out" || fail "start: $(cat "$folder/held.out")"
+        said step "m['said'] == ''"
+        said step "m['said'] == ''"
+        "$portmetd" query "$scene" | grep -q 'held, run .*, step 2' || fail "step: $("$portmetd" query "$scene" | head -n 1)"
+        said reset "m['said'] == ''"
+        "$portmetd" query "$scene" | grep -q 'held, run .*, step 0' || fail "reset: $("$portmetd" query "$scene" | head -n 1)"
+        said start "m['said'] == ''"
+        said hold "m['said'] == ''"
+        "$portmetd" query "$scene" | grep -q 'held, run ' || fail "hold"
+        said stop "m['said'] == ''"
+        "$portmetd" query "$scene" | grep -q ': ended, run ' || fail "stop"
+        answers 403 listen control "Origin: http://elsewhere"
+    fi
+    kill -TERM $pid
+    ends control $pid 12 "interrupted"
+    kill -TERM $serve
+    wait $serve || fail "serve: exit code $?"
+done
+
 # --- a recording ---
 start recording view "$scene" --recording "$folder/plain.h5" --port 8081
 recording=$pid

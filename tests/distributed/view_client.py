@@ -6,6 +6,7 @@
 #   last                            prints the last frame that comes within a second
 #   follow                          reads messages until it is ended
 #   talk                            sends something over the websocket, then prints the next frame
+#   ask WORD                        sends a word, then prints what the service says to it
 #   crowd N                         opens N websockets that stay, then prints the first scene that one more gets
 #   datagram KEY                    prints the first datagram at UDP port PORT that has the key
 import base64
@@ -104,13 +105,13 @@ def last(port):
     return frame
 
 
-def talk(port):
+def talk(port, text, kind):
     s = open_websocket(port, [])
-    text = b'{"command": "stop"}'
-    s.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text)
+    next(messages(s))  # the scene
+    s.sendall(bytes([0x81, 0x80 | len(text), 0, 0, 0, 0]) + text.encode())
     for message in messages(s):
-        if "frame" in message:
-            return json.dumps(message["frame"])
+        if kind in message:
+            return json.dumps(message[kind])
 
 
 def crowd(port, count):
@@ -146,7 +147,9 @@ def main(port, command, *arguments):
         s.settimeout(None)
         print(sum(1 for _ in messages(s)))
     elif command == "talk":
-        print(talk(port))
+        print(talk(port, '{"command": "stop"}', "frame"))
+    elif command == "ask":
+        print(talk(port, arguments[0], "control"))
     elif command == "crowd":
         print(crowd(port, int(arguments[0])))
     else:

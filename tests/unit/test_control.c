@@ -107,8 +107,8 @@ static void stage_open(stage *t, int nlink, const pm_hub_faults *faults) {
     c->stays = true;
     cluster_return(c, nlink);
     t->from = c->f.z;
-    const pm_control_service service = {t,     "what is served", alone ? place : NULL, begin, end,
-                                        reload};
+    const pm_control_service service = {
+        t, "what is served", alone ? place : NULL, begin, end, reload, false};
     assert_int_equal(pm_control_open(&t->control, c->coordinator, &service), PM_OK);
     for (int i = 0; i < nlink; ++i) {
         cluster_add(c, i, c->f.system, SESSION);
@@ -676,7 +676,7 @@ static void test_next_run_after_a_death(void **context) {
     pm_monolithic_set_state(t.c.assembly, t.c.f.z); // the fixture's observer sees the state at rest
     t.c.steps_seen = 0;
     cluster_return(&t.c, 3);
-    const pm_control_service service = {&t, "", false, begin, end, reload};
+    const pm_control_service service = {&t, "", false, begin, end, reload, false};
     assert_int_equal(pm_control_open(&t.control, t.c.coordinator, &service), PM_OK);
     assert_int_equal(ASK(&k, START), DONE);
     assert_int_equal(t.c.steps_seen, 9);
