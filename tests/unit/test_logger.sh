@@ -94,6 +94,19 @@ grep -q 'V: "system.dE.V_charge + .* - system.resistance_V_charge\*I"' "$folder/
 succeed "Verdict: good" fit "$folder/cell/training.yaml" -o "$folder/cell/weights"
 grep -qE "resistance_V_charge = 0.0(59|60)" "$folder/out" || fail "fit: expected a resistance of 0.06 ohm"
 
+# The same cell with a thermometer, in rooms of several temperatures: what flows through its resistances heats it.
+for i in 1 2 3 4 5; do
+    awk -F, -v room=$((16 + 4*i)) 'NR == 1 { print $0 ",T [degC],Troom [degC]"; T = room + 2; next } {
+        printf "%s,%.4f,%d\n", $0, T, room
+        for (j = 0; j < 20; j++) { T += 0.5*(0.06*$3*$3 + 20*v*v - 0.1*(T - room))/40; v += 0.5*(0.05*$3 - v)/60 }
+    }' "$folder/cell_$i.csv" >"$folder/warm_$i.csv"
+done
+succeed "Troom [K]: an input; is a bath of T" propose --data "$folder"/warm_?.csv --budget 0 -o "$folder/warm"
+grep -q "\[V_pair1, T," "$folder/warm/training.yaml" || fail "propose: what relaxes heats the cell"
+succeed "Verdict: good" fit "$folder/warm/training.yaml" -o "$folder/warm/weights"
+error=$(awk '$1 == "T" && NF == 5 { print $2 }' "$folder/out")
+[ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.5) }')" = 1 ] || fail "fit: expected an error of T below 0.5 %, found $error"
+
 # Two tanks in two parts: what leaves the upper one falls into the lower one. Units are converted.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

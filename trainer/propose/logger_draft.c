@@ -25,10 +25,9 @@
 // Returns true if the part needs a port to the surroundings: it has what loses energy, and they
 // take up the heat.
 static bool loses(const pm_logger_view *v, int part) {
-    bool some =
-        pm_logger_count(v, part, PM_LOGGER_FLOW) + pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0;
+    bool some = pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0;
     for (int c = 0; c < v->nvariable; ++c) {
-        some = some || (v->column[c].part == part && v->leaks[c]);
+        some = some || (v->column[c].part == part && (v->leaks[c] || pm_logger_loses(v, c)));
     }
     return some;
 }
@@ -145,9 +144,8 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
         bool exposed = v->column[c].part == part;
         if (input < 0) {
             const pm_logger_kind kind = v->column[c].kind;
-            exposed =
-                exposed && (kind == PM_LOGGER_FLOW || kind == PM_LOGGER_LEVEL || v->leaks[c] ||
-                            (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
+            exposed = exposed && (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || v->leaks[c] ||
+                                  (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {
@@ -426,7 +424,7 @@ static void write_losses(pm_logger_writer *w, int part) {
             continue;
         }
         const bool drains = y->kind == PM_LOGGER_LEVEL && !networks;
-        if (y->kind == PM_LOGGER_FLOW || v->leaks[i] || drains) {
+        if (pm_logger_loses(v, i) || v->leaks[i] || drains) {
             fputs(some ? next : first, w->model);
             some = true;
         }
@@ -435,7 +433,7 @@ static void write_losses(pm_logger_writer *w, int part) {
             snprintf(x, sizeof x, "a.%.40s", y->name);
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
             pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i]);
-        } else if (y->kind == PM_LOGGER_FLOW) {
+        } else if (pm_logger_loses(v, i)) {
             pm_logger_write_friction(w, i, -1);
         } else if (drains) {
             char flow[PM_LOGGER_LONG_TEXT];
@@ -564,19 +562,9 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
             fputs(some ? ", " : first, w->model);
             some = true;
-            // What flows both ways, or through a resistance, warms by its square.
-            double resistance = 0;
-            for (int c = 0; c < v->nvariable; ++c) {
-                const pm_logger_column *cell = &v->column[c];
-                const bool own = cell->seen != NULL && cell->current == v->column[input].id;
-                resistance = own ? fabs(cell->resistance) : resistance;
-            }
-            const double most = fmax(-v->column[input].least, v->column[input].largest);
-            const bool squared = v->column[input].least < 0 || resistance > 0;
+            char power[4 * PM_LOGGER_LONG_TEXT] = "";
             if (action->effect == PM_LOGGER_WARMS) {
-                pm_logger_constant(w, squared ? "square" : "gain", both,
-                                   squared ? fmax(SMALL * fabs(action->gain), resistance * most)
-                                           : action->gain);
+                pm_logger_write_power(w, power, sizeof power, both, action);
             }
             switch (action->effect) {
             case PM_LOGGER_FILLS:
@@ -594,15 +582,8 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
                 break;
             case PM_LOGGER_WARMS:
-                if (squared) {
-                    fprintf(w->model,
-                            "[%s, b.x, \"square_%s*b.dE.x/%.4g/%s\"], [b.s, b.x, "
-                            "\"-square_%s*b.dE.x/%.4g/%s\"]",
-                            x, both, most, dx, both, most, dx);
-                    break;
-                }
-                fprintf(w->model, "[%s, b.x, \"gain_%s/%s\"], [b.s, b.x, \"-gain_%s/%s\"]", x, both,
-                        dx, both, dx);
+                fprintf(w->model, "[%s, b.x, \"(%s)/%s\"], [b.s, b.x, \"-(%s)/%s\"]", x, power, dx,
+                        power, dx);
                 break;
             case PM_LOGGER_BATH:
                 pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain);

@@ -252,6 +252,15 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     }
 }
 
+// Adds the resistance of a cell, which its voltage and its heat have in common.
+static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
+    fprintf(w->list, "      resistance_%s: {learned: %.6g, positive: true, shared: true}\n",
+            cell->name, fmax(fabs(cell->resistance), LEAST_CONSTANT));
+    if (w->v->thermometer[cell->part] >= 0) {
+        fprintf(w->list, "      warms_%s: {learned: 0}\n", cell->name);
+    }
+}
+
 // Writes V, the energy of positions.
 void pm_logger_write_energy(pm_logger_writer *w, int part) {
     const int positions = pm_logger_count(w->v, part, PM_LOGGER_POSITION);
@@ -274,10 +283,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         // The voltage of a charge is a polynomial with smooth steps.
         const double d = fmax(fabs(q->least), fabs(q->largest));
         const char *name = q->name;
-        pm_logger_constant(w, "resistance", name, fabs(q->resistance));
-        if (w->v->thermometer[q->part] >= 0) {
-            (void)pm_logger_number(w, "warms", name, 0, 1);
-        }
+        add_resistance(w, q);
         (void)pm_logger_number(w, "u0", name, q->voltage, 1);
         (void)pm_logger_number(w, "u1", name, q->slope * d, 1);
         fprintf(w->model, "      - \"u0_%s*%s + u1_%s*%s^2/%.6g\"\n", name, name, name, name,
@@ -499,6 +505,35 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
         write_factor(w, name, x, y, "b.dE.x", input);
         write_factor(w, opening, "b.dE.x", input, NULL, NULL);
     }
+}
+
+void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
+                           const pm_logger_action *action) {
+    const pm_logger_column *input = &w->v->column[action->input];
+    const pm_logger_column *T = &w->v->column[action->target], *cell = NULL;
+    const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
+    for (int c = 0; c < w->v->nvariable; ++c) {
+        const pm_logger_column *y = &w->v->column[c];
+        const bool own = y->seen != NULL && y->current == input->id &&
+                         action->target == w->v->thermometer[y->part];
+        cell = own ? y : cell;
+    }
+    if (cell == NULL && input->least >= 0) {
+        pm_logger_constant(w, "gain", name, gain);
+        snprintf(text, size, "gain_%s", name);
+        return;
+    }
+    const char *sign = pm_logger_number(w, "sign", name, 0, gain);
+    if (cell == NULL) {
+        pm_logger_constant(w, "square", name, SMALL * gain);
+        snprintf(text, size, "%s + square_%s*b.dE.x/%.4g", sign, name, most);
+        return;
+    }
+    add_resistance(w, cell);
+    snprintf(text, size, "%s + %s*a.%s/%.4g + resistance_%s*exp(warms_%s*(a.%s - %.6g))*b.dE.x",
+             sign, pm_logger_number(w, "by_charge", name, 0, gain), cell->name,
+             fmax(fabs(cell->least), fabs(cell->largest)), cell->name, cell->name, T->name,
+             T->mean);
 }
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,

@@ -53,6 +53,13 @@ static inline int pm_logger_count(const pm_logger_view *v, int part, pm_logger_k
 // loss.
 bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind);
 
+// Returns true if co-energy c loses energy to the surroundings. What relaxes in a cell heats the
+// thermometer of its part instead, if there is one.
+static inline bool pm_logger_loses(const pm_logger_view *v, int c) {
+    const pm_logger_column *y = &v->column[c];
+    return y->kind == PM_LOGGER_FLOW && (y->relaxes == 0 || v->thermometer[y->part] < 0);
+}
+
 static inline double pm_logger_highest(const pm_logger_view *v) {
     double highest = 0;
     for (int c = 0; c < v->nvariable; ++c) {
@@ -111,6 +118,13 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
 // Writes the coefficient by which an input moves a co-energy, with a lever and a valve where the
 // data show them: "name" is that of the coefficient.
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action);
+
+// Writes to `text` the heat of an input that warms a temperature, divided by the input. What flows
+// one way only warms in proportion. Else the heat has a part that changes its sign with the input,
+// as that of a reaction, and one that grows with the square: that of the resistance of a cell,
+// which is known, or a learned one.
+void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
+                           const pm_logger_action *action);
 
 // Writes the coefficient of friction or resistance, which depends on x, a co-energy or a difference
 // of two: "(linear_name + ...)". y describes the co-energy, `other` the one that is subtracted or

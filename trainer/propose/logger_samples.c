@@ -91,7 +91,7 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
     const double jump = steps > 0 ? median_of(w->sort, steps) : 0;
     const double rough = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
     column->held = column->kind == PM_LOGGER_INPUT && (stays || rough > ROUGH * column->deviation);
-    return stays && jump > JUMP * column->deviation;
+    return (steps == 0 && equal > 0) || (stays && jump > JUMP * column->deviation);
 }
 
 int pm_logger_window(const pm_logger_samples *w, int target) {

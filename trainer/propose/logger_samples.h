@@ -30,7 +30,8 @@ static inline double pm_logger_time(const pm_logger_samples *w, int trajectory, 
 }
 
 // Finds range, mean and deviation of column c. An input is `held` if it mostly stays as it is, or
-// if it is rough. Returns true if the column is a staircase with wide steps.
+// if it is rough. Returns true if the column is a staircase with wide steps, or constant in each
+// trajectory.
 bool pm_logger_measure(const pm_logger_samples *w, int c);
 
 // Finds out whether times are even and whether all samples are there, and the noise of variables.

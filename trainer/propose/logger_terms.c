@@ -271,7 +271,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
-        if (y->kind != PM_LOGGER_FLOW) {
+        if (y->kind != PM_LOGGER_FLOW || y->relaxes > 0) {
             continue;
         }
         term_list turning = {0};
