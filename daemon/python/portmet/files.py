@@ -23,7 +23,7 @@ def _expand(names):
 
 class Dataset:
     """Trajectories: z [trajectory][time][column], t [time] (s), dt (s), the names of the columns, the
-    rates zdot or None, and notes (trainer/README.md, "The dataset")."""
+    rates zdot or None, and notes (trainer/DATASET.md)."""
 
     def __init__(self, path=None, *, z=None, dt=None, columns=None, zdot=None, units=None, notes=()):
         if path is None:
