@@ -34,6 +34,9 @@ fi
 succeed "Verdict: good" fit "$folder/motor/training.yaml" -o "$folder/motor/weights"
 error=$(awk '$1 == "system" && $2 == "w" { print $8 }' "$folder/out")
 [ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.1) }')" = 1 ] || fail "fit: expected errors below 0.1 %, found $error"
+# A training file may name a table.
+sed 's|^data: .*|data: {file: ../motor_1.csv, validation: none}|' "$folder/motor/training.yaml" >"$folder/motor/one.yaml"
+succeed "trajectories 0 of 150 states" fit "$folder/motor/one.yaml" -o "$folder/motor/one"
 succeed "steps in violation                    0 of" evaluate "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --data "$folder"/motor_5.csv
 program=$portmetd
 succeed "system_u" run "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --in-process

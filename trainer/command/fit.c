@@ -143,6 +143,18 @@ static pm_status fit_in_team(pm_fit_arguments *a, const volatile sig_atomic_t *s
                                                                 : status;
 }
 
+// The file that a training file names as its data may be a table. The caller frees *training, which
+// holds the name.
+static pm_status find_table(const pm_fit_arguments *a, pm_training **training, const char **table) {
+    if (pm_propose_is_scene(a->config)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_training_load(training, a->config));
+    const char *name = (*training)->data;
+    *table = name != NULL && access(name, R_OK) == 0 ? name : NULL;
+    return PM_OK;
+}
+
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_fit_arguments a = {0};
     pm_words given = {0};
@@ -191,6 +203,8 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
     };
     char keep[PATH_MAX];
     pm_data_file data = {0};
+    pm_training *training = NULL;
+    const char *table = NULL;
     pm_status status;
     pm_options_line(argc, argv, a.line, (int)sizeof a.line);
     PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
@@ -201,11 +215,15 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
     const bool kept = given.count > 0 && pm_propose_is_scene(a.config);
     snprintf(keep, sizeof keep, "%s/training_data.h5", a.output);
     PM_TRY_DONE(kept ? pm_options_folder(a.output) : PM_OK);
-    PM_TRY_DONE(pm_data_open(&data, &given, kept ? keep : NULL, pm_team_is_called()));
-    a.data = data.path;
+    PM_TRY_DONE(given.count == 0 ? find_table(&a, &training, &table) : PM_OK);
+    const pm_words named = {1, &table};
+    PM_TRY_DONE(pm_data_open(&data, table != NULL ? &named : &given, kept ? keep : NULL,
+                             pm_team_is_called()));
+    a.data = table == NULL || data.temporary ? data.path : NULL;
     status = fit_in_team(&a, stop);
 done:
     pm_data_close(&data);
+    pm_training_free(training);
     free(given.word);
     return status;
 }
