@@ -577,16 +577,16 @@ static void print_ports(assembly *a, const crossing *port, const pm_ledger *ledg
 
 // --- what processes cost ---
 
-typedef struct listener {
+typedef struct cost_meter {
     portmet_health_t health; // the last message of a run that has taken steps
     int count;
     double rate, cpu; // sums over all messages but the first: steps in a second, CPU time of all
                       // nodes in a second
-} listener;
+} cost_meter;
 
 static void on_health(void *context, const char *channel, const void *data, size_t size) {
     (void)channel;
-    listener *l = context;
+    cost_meter *l = context;
     if (pm_health_decode(&l->health, data, size) != PM_KEEP || l->health.rate <= 0 ||
         l->count++ == 0) {
         return;
@@ -599,7 +599,7 @@ static void on_health(void *context, const char *channel, const void *data, size
 
 // Runs the scene `text` over LCM for some seconds, and notes how it is doing. `who` [LINE] becomes
 // who waits for whom, and stays empty if the run has ended before it has told.
-static pm_status measure_cut(assembly *a, const char *text, listener *l, char *who) {
+static pm_status measure_cut(assembly *a, const char *text, cost_meter *l, char *who) {
     pm_transport *transport = NULL;
     pm_scene *scene = NULL;
     pm_arena arena = {0};
@@ -614,7 +614,7 @@ static pm_status measure_cut(assembly *a, const char *text, listener *l, char *w
     pid_t run = 0;
     siginfo_t info = {0};
     pm_status status;
-    *l = (listener){0};
+    *l = (cost_meter){0};
     PM_TRY_DONE(pm_scene_parse(&scene, text, a->setup.scene->path));
     options.url = pm_connect_url(scene, NULL);
     l->health.nprocess = scene->network.nprocess;
@@ -710,7 +710,7 @@ static pm_status bench_processes(assembly *a) {
     for (int k = 0; k < NCUT * NWINDOW && status == PM_OK; ++k) {
         const int row = k / NWINDOW, window = windows[k % NWINDOW];
         char who[LINE] = "";
-        listener l;
+        cost_meter l;
         if ((row > 0 && count[row] == count[row - 1]) ||
             (window > 1 && pm_physics_is_adaptive(&scene->physics))) {
             continue;
