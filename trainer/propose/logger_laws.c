@@ -131,7 +131,8 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
 
 // Makes "sin1" the name of function k of a series: sin1, cos1, sin2, cos2, ...
 static void harmonic(char *sine, int k) {
-    memcpy(sine, k % 2 == 0 ? "sin" : "cos", strlen("sin"));
+    const char *const name = k % 2 == 0 ? "sin1" : "cos1";
+    memcpy(sine, name, sizeof "sin1");
     sine[strlen("sin")] = (char)('1' + k / 2);
 }
 
