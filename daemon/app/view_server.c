@@ -139,7 +139,7 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
         }
         s->client[s->nclient++] = wsi;
         if (s->nclient > PM_VIEW_CLIENTS) {
-            // Whoever sits there longest must not lock everybody else out.
+            // The client that came first makes room, so that idle clients lock nobody out.
             lws_set_timeout(s->client[0], PENDING_TIMEOUT_USER_OK, LWS_TO_KILL_ASYNC);
         }
         lws_callback_on_writable(wsi);

@@ -20,7 +20,7 @@ typedef struct engine {
     double *z, *held; // [copies][nz], [copies][nprescribed]
 } engine;
 
-// What one thread needs.
+// Each thread has one of these, and steps blocks of copies with it.
 struct pm_fleet_worker {
     pm_fleet *fleet;
     engine together, alone;

@@ -3,10 +3,10 @@
 . "$(dirname "$0")/../support/private_network.sh"
 . "$(dirname "$0")/../support/setting.sh"
 source=$(realpath "$(dirname "$0")/../..")
-mkdir "$folder/work"
-ln -s "$1" "$folder/work/build"
-ln -s "$source/configs" "$folder/work/configs"
-cd "$folder/work" || exit 1
+mkdir "$folder/here"
+ln -s "$1" "$folder/here/build"
+ln -s "$source/configs" "$folder/here/configs"
+cd "$folder/here" || exit 1
 export PATH="$PWD/build/daemon/app:$PWD/build/trainer:$PATH"
 
 # block PAGE HEADING MARK: the first block of code below the heading: indented lines, or with MARK all lines between ```.

@@ -63,8 +63,8 @@ static void takes(double expected) {
     assert_true(*pm_live_inputs_values(&live, live.next - 1) == expected);
 }
 
-// Of two senders, the one that comes first holds, and the other one is not overheard: not for the
-// step that comes, nor for a step ahead, nor for the last one.
+// The first of two senders holds. The run tells that the other one sends other values, be it for
+// the next step, for a step ahead or for the last one.
 static void other_values_for_a_step_are_told(void **state) {
     (void)state;
     sends(0, 1);

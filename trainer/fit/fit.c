@@ -131,7 +131,7 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     f->digest = pm_digest_integer(f->digest, f->split.ntraining);
     PM_TRY(f->kind->shorten == NULL ? PM_OK : f->kind->shorten(f));
     PM_TRY(pm_options_folder(arguments->output));
-    // Of two fits that write into the same folder, weights of both would be left.
+    // Two fits that write into one folder would leave a mixture of their weights.
     f->folder = open(arguments->output, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (f->folder >= 0 && pm_team_leads(arguments->team) &&
         flock(f->folder, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {

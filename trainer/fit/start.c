@@ -172,7 +172,7 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
         status = pm_normalization_of_strengths(training->system, samples);
     }
     if (status == PM_OK && is_late(training->system)) {
-        // What strengths explain is left to them: layers of energies would bend where a strength
+        // Strengths are fitted first. Layers of energies would otherwise bend where a strength
         // varies, and never straighten again.
         s.early = PM_LATE_LAYERS;
         s.theta = theta;

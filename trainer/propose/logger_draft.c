@@ -235,7 +235,7 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         surroundings = surroundings || loses(v, i);
         level = level || falls(v, i);
     }
-    // What the columns of cells show: V = dE/dq + what relaxes + R I, where R may fall with heat.
+    // The column of a cell shows V = dE/dq + what relaxes + R I, where R may fall with heat.
     bool any = false;
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *cell = &v->column[c];

@@ -104,7 +104,7 @@ def motor(rng):
             i, w = i + h * (u - 1.2 * im - 0.08 * wm) / 0.004, w + h * (0.08 * im - 1e-4 * wm - 2e-6 * wm * wm) / 8e-5
 
 
-def logger(t, system, header, noise, *inputs):
+def logger(t, system, dt, header, noise, *inputs):
     """What a logger shows of a system: 12 tables with noise to learn from, 10 without to test on. A NARX has them, too."""
     import numpy as np  # the table needs neither
     import narx
@@ -115,7 +115,6 @@ def logger(t, system, header, noise, *inputs):
     runs = [np.array(list(system(rng))) for _ in range(22)]
     train, test = np.array(runs[:12], dtype=float), np.array(runs[12:], dtype=float)
     train[:, :, :y] += np.array(noise) * np.random.default_rng(t.seed).normal(size=train[:, :, :y].shape)
-    dt = {"swing": 0.03, "motor": 0.002}[system.__name__]
     for part, rows in ("train", train), ("test", test):
         for number, run in enumerate(rows):
             lines = "".join(f"{dt * k:.3f}," + ",".join(f"{x:.6g}" for x in row) + "\n" for k, row in enumerate(run))
@@ -139,8 +138,8 @@ ROWS = {
     "pendula": ("double pendulum, form of its energies known", lambda t: pendula(t, "double_pendulum", True), "network without structure"),
     "pendula_network": ("the same, energies learned by networks", lambda t: pendula(t, "double_pendulum_network", False), None),
     "gas": ("two gases and a moving wall, energies learned by networks", gas, None),
-    "angle": ("damped pendulum, a logger's angle, 0.5 % noise", lambda t: logger(t, swing, "t [s],angle [rad]", 0.005), "NARX"),
-    "motor": ("motor, a logger's current, speed, held voltage, 0.5 % noise", lambda t: logger(t, motor, "t [s],i [A],w [rad/s],u [V]", [0.03, 0.4], "u"), "NARX"),
+    "angle": ("damped pendulum, a logger's angle, 0.5 % noise", lambda t: logger(t, swing, 0.03, "t [s],angle [rad]", 0.005), "NARX"),
+    "motor": ("motor, a logger's current, speed, held voltage, 0.5 % noise", lambda t: logger(t, motor, 0.002, "t [s],i [A],w [rad/s],u [V]", [0.03, 0.4], "u"), "NARX"),
 }
 
 
