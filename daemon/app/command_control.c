@@ -90,7 +90,9 @@ static pm_status control(const pm_run_options *options, int8_t kind, const char 
     const char *sender = pm_arena_printf(&arena, "%s@%s", word, host);
     PM_TRY_DONE(pm_arena_status(&arena, "a client"));
     const bool starts = kind == PORTMET_CONTROL_T_START;
-    r->steps = options->steps > 0 ? options->steps : starts ? scene->run.steps : 1;
+    r->steps = options->steps > 0 ? options->steps
+               : starts           ? scene->run.steps
+                                  : kind == PORTMET_CONTROL_T_ADVANCE;
     r->steps = options->endless ? 0 : r->steps;
     r->held = options->held;
     if (options->pace != NULL) {
@@ -108,8 +110,9 @@ static pm_status control(const pm_run_options *options, int8_t kind, const char 
     PM_TRY_DONE(read_numbers(&arena, "--inputs", options->inputs, scene->network.nlive, &r->nlive,
                              &r->live));
     PM_TRY_DONE(pm_connect_open(&transport, scene, address, word, &options->log));
-    PM_TRY_DONE(pm_remote_open(&remote, transport,
-                               &(pm_remote_options){scene->name, sender, PATIENCE, options->stop}));
+    PM_TRY_DONE(pm_remote_open(
+        &remote, transport,
+        &(pm_remote_options){scene->name, sender, options->session, PATIENCE, options->stop}));
     const pm_served *served = pm_remote_served(remote);
     PM_TRY_DONE(pm_remote_ask(remote, r, !starts || options->wait));
     const portmet_control_reply_t *reply = pm_remote_reply(remote);
@@ -143,7 +146,7 @@ done:
 }
 
 #define AT_START (PM_OPTION_STATE | PM_OPTION_INPUTS | PM_OPTION_HELD | PM_OPTION_TRAJECTORY)
-#define EVERY (PM_OPTION_URL | PM_OPTION_LOG | PM_OPTION_QUIET)
+#define EVERY (PM_OPTION_SESSION | PM_OPTION_URL | PM_OPTION_LOG | PM_OPTION_QUIET)
 #define CONTROL(word, kind, text, words, more, accepted, given)                            \
     static pm_status execute_##word(const pm_run_options *options) {                       \
         return control(options, PORTMET_CONTROL_T_##kind, #word);                          \
@@ -165,7 +168,8 @@ CONTROL(pause, PAUSE, "hold a run that is served", "SCENE",
         "Holds the run after the steps that are granted, and prints the state there.", 0,
         "double_pendulum.yaml")
 CONTROL(resume, RESUME, "let a run that is held go on", "SCENE",
-        "Lets the run go on to its last step.", 0, "double_pendulum.yaml")
+        "Lets the run go on to its last step, or with --steps until so many are complete.",
+        PM_OPTION_STEPS, "double_pendulum.yaml --steps 150")
 CONTROL(advance, ADVANCE, "take steps of a run that is held", "SCENE",
         "Takes one step, or as many as --steps says, and holds the run again. Prints the state.",
         PM_OPTION_STEPS, "double_pendulum.yaml --steps 10")

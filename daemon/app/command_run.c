@@ -103,6 +103,7 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
     char reason[1024] = "";
     int deaths = 0;
     double now = pm_clock(), looked = 0, notified = 0;
+    bool ready = false;
     while (!pm_lockstep_coordinator_finished(coordinator)) {
         if (first == PM_OK && now - looked > WATCH_INTERVAL) {
             looked = now;
@@ -134,6 +135,12 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
             notified = now;
             pm_notify("WATCHDOG=1");
         }
+        // Processes that run elsewhere may come much later.
+        if (!ready && (nodes->options.elsewhere ||
+                       pm_lockstep_coordinator_present(coordinator) == scene->network.nprocess)) {
+            ready = true;
+            pm_notify("READY=1");
+        }
         // Nodes share the cores, and each has to start within its patience. So another one starts
         // as long as few of those before have yet to say hello.
         while (first == PM_OK && !nodes->options.elsewhere &&
@@ -152,16 +159,17 @@ static pm_status conduct(pm_lockstep_coordinator *coordinator, launcher *nodes,
             nodes->at = pm_clock();
         }
         const double next = pm_lockstep_coordinator_poll(coordinator, now);
-        if (control != NULL) {
-            pm_control_poll(control);
+        if (control != NULL && pm_control_poll(control) != PM_OK && first == PM_OK) {
+            first = PM_ENET;
+            snprintf(reason, sizeof reason, "%s", pm_error());
         }
         const double interval = next - now > 2 * WATCH_INTERVAL ? RESTING : WATCH_INTERVAL;
         const double wait = next - now < interval ? next - now : interval;
         PM_TRY(pm_transport_wait(transport, wait > 0 ? wait : 0, NULL));
         now = pm_clock();
     }
-    return control == NULL ? pm_lockstep_coordinator_result(coordinator)
-                           : pm_fail(first, "%s", reason);
+    return control == NULL || first == PM_OK ? pm_lockstep_coordinator_result(coordinator)
+                                             : pm_fail(first, "%s", reason);
 }
 
 static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
@@ -177,7 +185,6 @@ static pm_status run_processes(pm_setup *setup, pm_observer *observer) {
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, setup->scene->network.nprocess, &options->log));
-    pm_notify("READY=1");
     status = conduct(coordinator, &nodes, NULL);
     if (status == PM_OK) {
         status = pm_launch_wait(nodes.launch, END_GRACE);
@@ -636,7 +643,7 @@ static pm_status execute_serve(const pm_run_options *options) {
     launcher nodes = {.setup = &s.setup, .options = *options, .service = &s};
     pm_transport *transport = NULL;
     pm_control *control = NULL;
-    char *description = NULL;
+    char *description = NULL, host[64] = "", name[64];
     pm_lockstep_coordinator_options own = {.stays = true};
     pm_status status;
     s.options.quiet = true;
@@ -660,6 +667,8 @@ static pm_status execute_serve(const pm_run_options *options) {
     nodes.options.session = own.session;
     nodes.options.stays = true;
     nodes.options.log.json = false; // this process passes their lines on
+    (void)gethostname(host, sizeof host - 1);
+    snprintf(name, sizeof name, "process %ld on %.31s", (long)getpid(), host);
     PM_TRY_DONE(describe(&s, &description));
     PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, s.setup.system, transport, &own));
@@ -669,12 +678,13 @@ static pm_status execute_serve(const pm_run_options *options) {
                                        .path = s.folder == NULL ? NULL : place,
                                        .begin = begin_run,
                                        .end = end_run,
-                                       .reload = check_reload};
+                                       .reload = check_reload,
+                                       .session = options->session,
+                                       .name = name};
     PM_TRY_DONE(pm_control_open(&control, s.coordinator, &serves));
     PM_TRY_DONE(pm_launch_open(&nodes.launch, scene->network.nprocess, &options->log));
     const struct sigaction action = {.sa_handler = hang_up, .sa_flags = SA_RESTART};
     sigaction(SIGHUP, &action, NULL);
-    pm_notify("READY=1");
     status = conduct(s.coordinator, &nodes, control);
     pm_connect_warn(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
     // The user ends a service in this way.

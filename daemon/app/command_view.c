@@ -553,7 +553,8 @@ static pm_status ask(view *v, const char *word) {
         return PM_OK;
     }
     if (v->client == NULL) {
-        const pm_remote_options as = {v->scene->name, "view", CONTROL_PATIENCE, v->options->stop};
+        const pm_remote_options as = {v->scene->name, "view", 0, CONTROL_PATIENCE,
+                                      v->options->stop};
         const char *address;
         v->allowed = false;
         PM_TRY(pm_connect_listener(v->scene, v->options->url, &address));

@@ -66,6 +66,7 @@ int portmet_scene_parse(portmet_scene **scene, const char *text, const char *pat
  * this program asks for. It has the functions of a scene that is stepped here, the same arrays and
  * the same bits, but for these: the inputs are the live inputs of the scene, all of which must be
  * set before the first of them counts; a recording is made by the service, and ends with the run.
+ * `name` is that of the scene; the session of the service, if it has one, follows after a colon.
  * `url` is the LCM provider; NULL: LCM's default, on this host alone. `key_file` holds the key of
  * the scene; NULL: it has none. `record` names a recording in the folder of the service; NULL:
  * none. `patience` is the time in s without an answer after which a call fails; 0: 10 s.

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -74,7 +75,14 @@ pm_status pm_remote_scene_open(pm_remote_scene *s, const pm_remote_address *addr
     char host[64] = "";
     (void)gethostname(host, sizeof host - 1);
     const char *sender = pm_arena_printf(&s->arena, "program-%ld@%.40s", (long)getpid(), host);
-    s->name = pm_arena_printf(&s->arena, "%s", address->name);
+    const char *colon = strchr(address->name, ':');
+    const size_t length = colon == NULL ? strlen(address->name) : (size_t)(colon - address->name);
+    s->name = pm_arena_printf(&s->arena, "%.*s", (int)length, address->name);
+    char *end = NULL;
+    const int64_t session = colon == NULL ? 0 : strtoll(colon + 1, &end, 10);
+    if (end != NULL && (end == colon + 1 || *end != 0 || session < 1)) {
+        return pm_fail(PM_EUSAGE, "%s: expected a number after the colon", address->name);
+    }
     s->record = pm_arena_printf(&s->arena, "%s", address->record == NULL ? "" : address->record);
     PM_TRY(pm_arena_status(&s->arena, "scene %s", address->name));
     PM_TRY(pm_transport_open(&s->transport, address->url));
@@ -86,7 +94,7 @@ pm_status pm_remote_scene_open(pm_remote_scene *s, const pm_remote_address *addr
         PM_TRY(sealed);
     }
     PM_TRY(pm_remote_open(&s->client, s->transport,
-                          &(pm_remote_options){s->name, sender, address->patience, NULL}));
+                          &(pm_remote_options){s->name, sender, session, address->patience, NULL}));
     s->served = pm_remote_served(s->client);
     const size_t nz = (size_t)s->served->nz, n = (size_t)s->served->nsubsystem;
     const size_t nlive = (size_t)s->served->nlive;

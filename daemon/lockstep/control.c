@@ -12,7 +12,9 @@
 #define NAME 64         // bytes of a client's name, and of a recording's, with the terminator
 #define PAGE_BYTES 1000 // of the description in a reply
 #define MOST_NONCE (INT64_C(1) << 62)
-#define UNANSWERED (-1) // kind of a reply that is not due yet
+#define UNANSWERED (-1)     // kind of a reply that is not due yet
+#define SERVE_ASKS 3        // questions whether the scene is served already
+#define SERVE_INTERVAL 0.05 // s from one to the next, and to the first request that is answered
 
 typedef struct client {
     int64_t id;            // 0: free
@@ -41,8 +43,12 @@ struct pm_control {
     double *numbers;       // those of a file, and before them a state and live inputs
     bool active, stopping; // a run is under way; it ends after the steps that are granted
     bool reloaded;         // the files are read again: the process that does so answers from now on
-    int waiting;           // clients that wait
-    int64_t asked;         // requests so far
+    int asks;              // questions left whether the scene is served already
+    double ask_at;         // s, when the next one is due
+    char requests[PM_CHANNEL_SIZE]; // channel of requests
+    char other[NAME];               // the service that has answered; "": none
+    int waiting;                    // clients that wait
+    int64_t asked;                  // requests so far
     client client[CLIENTS];
 };
 
@@ -336,7 +342,7 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         return PM_OK;
     case PORTMET_CONTROL_T_RESUME:
         control->stopping = false;
-        hold(c, INT64_MAX);
+        hold(c, r->steps > 0 ? r->steps : INT64_MAX);
         return PM_OK;
     case PORTMET_CONTROL_T_ADVANCE:
         if (r->steps < 1) {
@@ -369,6 +375,41 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
 
 // --- who asks ---
 
+// Publishes SERVE or SERVED: between services of the same scene.
+static void tell_service(pm_control *control, int8_t kind, int64_t to, int64_t nonce) {
+    const portmet_control_t message = {.kind = kind,
+                                       .session = control->service.session,
+                                       .client = to,
+                                       .nonce = nonce,
+                                       .sender = (char *)control->service.name,
+                                       .file = ""};
+    const size_t size = pm_control_encode(&message, control->data, control->capacity);
+    if (size > 0) {
+        (void)pm_transport_publish(control->coordinator->endpoint.transport, control->requests,
+                                   control->data, size);
+    }
+}
+
+// Returns the number of this service's question, which nobody can guess.
+static int64_t own_nonce(const pm_control *control) {
+    return (control->coordinator->endpoint.identity.hello.nonce & (MOST_NONCE - 1)) | 1;
+}
+
+// A service asks, or answers. The one that is older answers.
+static pm_drop hear_service(pm_control *control, const portmet_control_t *r) {
+    const int64_t own = control->coordinator->endpoint.identity.hello.instance;
+    if (r->kind == PORTMET_CONTROL_T_SERVED) {
+        if (r->client == own && r->nonce == own_nonce(control) && control->run.number == 0) {
+            snprintf(control->other, sizeof control->other, "%s",
+                     r->sender[0] == 0 ? "another" : r->sender);
+        }
+    } else if (r->client != own && (control->asks == 0 || r->client > own) &&
+               control->other[0] == 0) {
+        tell_service(control, PORTMET_CONTROL_T_SERVED, r->client, r->nonce);
+    }
+    return PM_KEEP;
+}
+
 static pm_drop on_control(void *context, const void *data, size_t size) {
     pm_control *control = context;
     const pm_lockstep_coordinator *c = control->coordinator;
@@ -376,8 +417,18 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     *r = control->largest;
     PM_TRY_KEEP(pm_control_decode(r, data, size));
     if (r->client == 0 || r->nonce < 1 || r->nonce > MOST_NONCE ||
-        r->kind < PORTMET_CONTROL_T_QUERY || r->kind > PORTMET_CONTROL_T_RESTORE || r->page < 0) {
+        r->kind < PORTMET_CONTROL_T_QUERY || r->kind > PORTMET_CONTROL_T_SERVED || r->page < 0) {
         return PM_DROP_IMPLAUSIBLE;
+    }
+    if (r->session != control->service.session) {
+        return PM_DROP_SESSION; // to another service of this scene
+    }
+    if (r->kind >= PORTMET_CONTROL_T_SERVE) {
+        return hear_service(control, r);
+    }
+    // Until it is certain that the scene is served by this one, clients ask again.
+    if (control->asks > 0 || control->other[0] != 0) {
+        return PM_DROP_RANGE;
     }
     // The client takes the place of the one that has been silent for longest and does not wait.
     client *from = NULL;
@@ -460,9 +511,20 @@ static void end_run(pm_control *control, pm_status status, const char *message) 
     }
 }
 
-void pm_control_poll(pm_control *control) {
+pm_status pm_control_poll(pm_control *control) {
     const pm_lockstep_coordinator *c = control->coordinator;
     const bool held = c->phase == PM_COORDINATOR_HELD;
+    if (control->other[0] != 0) {
+        return pm_fail(PM_ENET,
+                       "scene %s is served already, by %s: give this one another --session",
+                       c->scene->name, control->other);
+    }
+    if (control->asks > 0 && c->endpoint.now >= control->ask_at) {
+        control->ask_at = c->endpoint.now + SERVE_INTERVAL;
+        control->asks -= 1;
+        tell_service(control, PORTMET_CONTROL_T_SERVE, c->endpoint.identity.hello.instance,
+                     own_nonce(control));
+    }
     if (control->active && c->phase >= PM_COORDINATOR_CLOSING) {
         end_run(control, c->endpoint.status, c->endpoint.message);
     } else if (control->active && held &&
@@ -484,6 +546,7 @@ void pm_control_poll(pm_control *control) {
             settle(control, k, PORTMET_CONTROL_REPLY_T_DONE, PM_OK, "");
         }
     }
+    return PM_OK;
 }
 
 // --- opening ---
@@ -491,7 +554,6 @@ void pm_control_poll(pm_control *control) {
 pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordinator,
                           const pm_control_service *service) {
     const pm_scene *scene = coordinator->scene;
-    char channel[PM_CHANNEL_SIZE];
     pm_status status;
     pm_control *made = calloc(1, sizeof *made);
     if (made == NULL) {
@@ -499,6 +561,7 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     }
     made->coordinator = coordinator;
     made->service = *service;
+    made->asks = SERVE_ASKS + 1; // the last one ends the wait for an answer
     made->largest = (portmet_control_t){.nz = scene->physics.nz, .nlive = scene->network.nlive};
     const portmet_control_reply_t longest = {.npart = scene->physics.nsubsystem,
                                              .nend = 2 * scene->physics.nport,
@@ -517,8 +580,8 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     PM_TRY_DONE(pm_arena_status(&made->arena, "control"));
     PM_TRY_DONE(pm_control_alloc(&made->largest, &made->arena));
     PM_TRY_DONE(pm_channel_scene(made->channel, scene->name, "REPLY"));
-    PM_TRY_DONE(pm_channel_scene(channel, scene->name, "CONTROL"));
-    PM_TRY_DONE(pm_endpoint_subscribe(&coordinator->endpoint, channel, on_control, made));
+    PM_TRY_DONE(pm_channel_scene(made->requests, scene->name, "CONTROL"));
+    PM_TRY_DONE(pm_endpoint_subscribe(&coordinator->endpoint, made->requests, on_control, made));
     *control = made;
     return PM_OK;
 done:

@@ -42,7 +42,9 @@ typedef struct pm_control_service {
     // No run is under way: checks that what is served can be read again, which is then done. A
     // failure refuses it.
     pm_status (*reload)(void *context);
-    bool views; // requests of `portmetd view`, whose sender is "view", are done; else refused
+    bool views;       // requests of `portmetd view`, whose sender is "view", are done; else refused
+    int64_t session;  // by which clients address it; 0: none
+    const char *name; // of this service, for others of the same scene; borrowed
 } pm_control_service;
 
 // Opens the control of a coordinator that stays. `service` is copied. PM_ECONFIG: a channel's name
@@ -51,7 +53,9 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
                           const pm_control_service *service);
 void pm_control_close(pm_control *control); // NULL is allowed
 
-// Follows the coordinator: notes the end of a run, and answers the requests that are done.
-void pm_control_poll(pm_control *control);
+// Follows the coordinator: asks at first whether the scene is served already, in the same session;
+// then notes the end of a run, and answers the requests that are done. PM_ENET: it is served
+// already; nothing is answered from then on.
+pm_status pm_control_poll(pm_control *control);
 
 #endif

@@ -58,6 +58,7 @@ pm_status pm_remote_ask(pm_client *r, const portmet_control_t *request, bool wai
     r->request.client = client;
     r->request.nonce = nonce + 1;
     r->request.ticket = ticket;
+    r->request.session = r->options.session;
     r->request.sender = (char *)r->options.sender;
     r->request.file = request->file == NULL ? "" : request->file;
     r->heard = pm_clock();

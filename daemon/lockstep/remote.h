@@ -27,6 +27,7 @@ typedef struct pm_served {
 typedef struct pm_remote_options {
     const char *scene;                 // its name, borrowed
     const char *sender;                // name of this client, for people; borrowed
+    int64_t session;                   // that the service was given; 0: none
     double patience;                   // s without any reply, after which a request fails
     const volatile sig_atomic_t *stop; // a request fails soon after it is not 0; NULL: never
 } pm_remote_options;

@@ -112,6 +112,32 @@ wait_until sh -c "'$portmetd' query '$scene' | grep -q '\"dt\":0.05'" || fail "S
 asks 0 "step 50 of 50" start --steps 50 --wait --record again.h5
 same again.h5 plain.h5
 
+# A second service of the scene is refused, with or without a run, and the first one does not notice. With a session
+# of its own it is another service, and so is one of another scene: each has its runs.
+asks 0 "held, run .*, step 0" start --held --steps 50 --record beside.h5
+start second serve "$scene"
+ends second $pid 7 "scene pair is served already, by process $serve on .*: give this one another --session"
+sed 's/^scene: pair/scene: other_pair/' "$scene" >"$folder/other.yaml"
+start numbered serve "$scene" --session 5 --record "$records"
+numbered=$pid
+start other serve "$folder/other.yaml" --record "$records"
+other=$pid
+asks 0 "step 20 of 50" advance --steps 20
+asks 0 "step 50 of 50" start --session 5 --steps 50 --wait --record numbered.h5
+timeout 60 "$portmetd" start "$folder/other.yaml" --steps 50 --wait --record other.h5 --quiet || fail "another scene"
+asks 0 "held, run .*, step 20 of 50" query
+asks 0 "" resume --steps 30
+wait_until sh -c "'$portmetd' query '$scene' | grep -q 'held, run .* step 30 of 50'" || fail "resume --steps"
+asks 0 "" resume
+wait_until sh -c "'$portmetd' query '$scene' | grep -q 'ended, run'" || fail "the run beside others did not end"
+for name in beside numbered other; do
+    same $name.h5 plain.h5
+done
+start third serve "$scene" --session 5
+ends third $pid 7 "of scene pair already\|scene pair is served already"
+kill -TERM $numbered $other
+wait $numbered $other || fail "services beside each other: exit code $?"
+
 # The end of the service ends the run, and closes its recording.
 asks 0 "" start --steps $long --record last.h5
 kill -TERM $serve
@@ -121,9 +147,32 @@ no_orphans "after serve"
 asks 8 "no service" stop
 
 # With checkpoints a run outlives the death of its processes.
+# The service manager hears when all processes are there, and then every second from the loop that does the work: one
+# that is stopped says nothing.
+python3 -c 'import socket, sys
+heard = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+heard.bind(sys.argv[1])
+while True:
+    print(heard.recv(512).decode().replace("\n", " "), flush=True)' "$folder/notify" >"$folder/notify.out" &
+started="$started $!"
+wait_until test -S "$folder/notify" || fail "nobody listens for notices"
+heard() {
+    [ "$(grep -c "$1" "$folder/notify.out")" -ge "$2" ]
+}
 mkdir "$folder/checkpoints"
+export NOTIFY_SOCKET="$folder/notify"
 start kept serve "$scene" --record "$records" --checkpoint "$folder/checkpoints"
 kept=$pid
+unset NOTIFY_SOCKET
+wait_until heard '^READY=1' 1 || fail "serve is never ready"
+"$portmetd" query "$scene" | grep -q '^pair: idle' || fail "ready before all processes are there"
+wait_until heard 'WATCHDOG=1' 2 || fail "the watchdog is not fed"
+kill -STOP $kept
+sleep 0.2
+before=$(wc -l <"$folder/notify.out")
+sleep 2
+[ "$(wc -l <"$folder/notify.out")" -eq "$before" ] || fail "a service that is stopped feeds the watchdog"
+kill -CONT $kept
 "$portmetd" run "$scene" --steps 3000 --in-process --record "$folder/long.h5" --quiet || fail "the long run"
 timeout 120 "$portmetd" start "$scene" --steps 3000 --wait --record long.h5 >"$folder/client.out" 2>&1 &
 client=$!

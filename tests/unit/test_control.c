@@ -89,7 +89,7 @@ static pm_status reload(void *context) {
 
 static void turn(stage *t) {
     cluster_turn(&t->c);
-    pm_control_poll(t->control);
+    (void)pm_control_poll(t->control);
 }
 
 static void turn_for(stage *t, double seconds) {
@@ -108,7 +108,7 @@ static void stage_open(stage *t, int nlink, const pm_hub_faults *faults) {
     cluster_return(c, nlink);
     t->from = c->f.z;
     const pm_control_service service = {
-        t, "what is served", alone ? place : NULL, begin, end, reload, false};
+        t, "what is served", alone ? place : NULL, begin, end, reload, false, 0, "this one"};
     assert_int_equal(pm_control_open(&t->control, c->coordinator, &service), PM_OK);
     for (int i = 0; i < nlink; ++i) {
         cluster_add(c, i, c->f.system, SESSION);
@@ -319,6 +319,7 @@ static void test_steps_on_demand(void **context) {
     assert_int_equal(c->steps_seen, 19);
     k.request = last;
 
+    k.request.steps = 0;
     assert_int_equal(ASK(&k, RESUME), DONE);
     for (int i = 0; i < 200; ++i) { // no time passes while messages flow
         turn(&t);
@@ -330,11 +331,17 @@ static void test_steps_on_demand(void **context) {
     assert_int_equal(k.reply.step + 1, held_at);
     turn_for(&t, 1);
     assert_int_equal(c->steps_seen, held_at);
+    // It goes on to a step, where it is held again.
+    k.request.steps = held_at + 20;
+    assert_int_equal(ASK(&k, RESUME), DONE);
+    turn_for(&t, 1);
+    assert_int_equal(c->steps_seen, held_at + 21);
     // The run begins anew.
     pm_monolithic_set_state(c->assembly, c->f.z);
     c->steps_seen = 0;
     assert_int_equal(ASK(&k, RESET), DONE);
     assert_int_equal(k.reply.step, 0);
+    k.request.steps = 5;
     assert_int_equal(ASK(&k, ADVANCE), DONE);
     assert_int_equal(k.reply.step, 5);
     assert_int_equal(ASK(&k, STOP), DONE);
@@ -592,7 +599,7 @@ static void forge(const client *k, pm_rng *rng, unsigned char kept[KEPT][LARGEST
         if (which == 1) {
             // A later number, with the ticket that anybody can hear, would be a request.
             const size_t at = (bits >> 32) % count;
-            data[at / 8 == 2 ? at - 8 : at] ^= (unsigned char)(1 << (bits >> 24 & 7));
+            data[at / 8 == 3 ? at - 8 : at] ^= (unsigned char)(1 << (bits >> 24 & 7));
         } else if (which == 2) {
             count = (bits >> 32) % (count + 1);
         }
@@ -642,6 +649,59 @@ static void test_strangers(void **context) {
     stage_close(&t);
 }
 
+// Of two services of a scene the later one is refused, and of two that begin at once as well. With
+// other sessions both stay, and requests reach the one that they name.
+static void test_two_services(void **context) {
+    (void)context;
+    for (int at_once = 0; at_once < 2; ++at_once) {
+        stage t = {0};
+        client k;
+        stage_open(&t, 2, NULL);
+        cluster *c = &t.c;
+        for (int64_t session = at_once == 1 ? 0 : 8; session >= 0; session -= 8) {
+            pm_transport *transport;
+            pm_lockstep_coordinator *later;
+            pm_control *control;
+            const pm_control_service service = {&t,     "",    NULL,    begin,        end,
+                                                reload, false, session, "a later one"};
+            if (at_once == 0) {
+                turn_for(&t, 1);
+            }
+            assert_int_equal(pm_hub_connect(t.hub, &transport), PM_OK);
+            assert_int_equal(pm_lockstep_coordinator_open(
+                                 &later, c->f.system, transport,
+                                 &(pm_lockstep_coordinator_options){.stays = true, .session = 9}),
+                             PM_OK);
+            assert_int_equal(pm_control_open(&control, later, &service), PM_OK);
+            pm_status status = PM_OK;
+            for (const double until = c->now + 1; c->now < until && status == PM_OK;) {
+                int count;
+                assert_int_equal(pm_transport_wait(transport, 0, &count), PM_OK);
+                (void)pm_lockstep_coordinator_poll(later, c->now);
+                status = pm_control_poll(control);
+                turn(&t);
+                assert_int_equal(pm_control_poll(t.control), PM_OK);
+            }
+            assert_int_equal(status, session == 0 ? PM_ENET : PM_OK);
+            assert_true(session != 0 || strstr(pm_error(), "served already, by this one") != NULL);
+            pm_control_close(control);
+            pm_lockstep_coordinator_close(later);
+            pm_transport_close(transport);
+        }
+        client_open(&k, &t, 5, "bench");
+        k.request.session = 8;
+        k.request.kind = PORTMET_CONTROL_T_QUERY;
+        k.request.nonce = 1;
+        publish(&k);
+        turn_for(&t, 0.1);
+        assert_int_equal(k.replies, 0);
+        k.request.session = 0;
+        assert_int_equal(ASK(&k, QUERY), DONE);
+        pm_transport_close(k.transport);
+        stage_close(&t);
+    }
+}
+
 // --- death, and rest ---
 
 // A process that dies ends the run, and the one that takes its place serves the next run.
@@ -676,7 +736,7 @@ static void test_next_run_after_a_death(void **context) {
     pm_monolithic_set_state(t.c.assembly, t.c.f.z); // the fixture's observer sees the state at rest
     t.c.steps_seen = 0;
     cluster_return(&t.c, 3);
-    const pm_control_service service = {&t, "", false, begin, end, reload, false};
+    const pm_control_service service = {&t, "", false, begin, end, reload, false, 0, "this one"};
     assert_int_equal(pm_control_open(&t.control, t.c.coordinator, &service), PM_OK);
     assert_int_equal(ASK(&k, START), DONE);
     assert_int_equal(t.c.steps_seen, 9);
@@ -715,13 +775,10 @@ static void test_rest_is_quiet(void **context) {
 int main(int argc, char **argv) {
     messages = argc > 1 ? atoi(argv[1]) : messages;
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_run_after_another),
-        cmocka_unit_test(test_steps_on_demand),
-        cmocka_unit_test(test_two_clients),
-        cmocka_unit_test(test_states_between_steps),
-        cmocka_unit_test(test_wrong_requests),
-        cmocka_unit_test(test_strangers),
-        cmocka_unit_test(test_next_run_after_a_death),
+        cmocka_unit_test(test_one_run_after_another), cmocka_unit_test(test_steps_on_demand),
+        cmocka_unit_test(test_two_clients),           cmocka_unit_test(test_states_between_steps),
+        cmocka_unit_test(test_wrong_requests),        cmocka_unit_test(test_strangers),
+        cmocka_unit_test(test_two_services),          cmocka_unit_test(test_next_run_after_a_death),
         cmocka_unit_test(test_rest_is_quiet),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

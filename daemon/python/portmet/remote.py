@@ -6,7 +6,7 @@ from .scene import Scene
 
 
 class Remote(Scene):
-    """The scene `name` that `portmetd serve` offers at the LCM `url`. Opening it begins a run without a last
+    """The scene `name` (or "name:session") that `portmetd serve` offers at the LCM `url`. Opening it begins a run without a last
     step, held at the scene's initial state; `record` names its recording in the folder of the service, and
     `key_file` holds the key of the scene. `inputs` are its live inputs. A call fails after `timeout` seconds
     without an answer."""
