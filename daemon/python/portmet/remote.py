@@ -6,10 +6,10 @@ from .scene import Scene
 
 
 class Remote(Scene):
-    """The scene `name` (or "name:session") that `portmetd serve` offers at the LCM `url`. Opening it begins a run without a last
-    step, held at the scene's initial state; `record` names its recording in the folder of the service, and
-    `key_file` holds the key of the scene. `inputs` are its live inputs. A call fails after `timeout` seconds
-    without an answer."""
+    """The scene `name` (or "name:session") that `portmetd serve` offers at the LCM `url`. Opening it begins a run
+    without a last step, held at the scene's initial state; `record` names its recording in the folder of the
+    service, and `key_file` holds the key of the scene. `inputs` are its live inputs. A call fails after `timeout`
+    seconds without an answer."""
 
     def __init__(self, name, *, url=None, key_file=None, record=None, timeout=10.0):
         pointer = ctypes.c_void_p()
