@@ -3,29 +3,36 @@
 . "$(dirname "$0")/../support/private_network.sh"
 . "$(dirname "$0")/../support/setting.sh"
 source=$(realpath "$(dirname "$0")/../..")
-mkdir "$folder/here"
-ln -s "$1" "$folder/here/build"
+mkdir "$folder/here" "$folder/here/build" "$folder/bin"
+for part in daemon trainer; do
+    ln -s "$1/$part" "$folder/here/build/$part"
+done
 ln -s "$source/configs" "$folder/here/configs"
+ln -s /usr/bin/python3 "$folder/bin/python3" # Debian's, which the pages mean
 cd "$folder/here" || exit 1
-export PATH="$PWD/build/daemon/app:$PWD/build/trainer:$PATH"
+export PATH="$PWD/build/daemon/app:$PWD/build/trainer:$folder/bin:$PATH"
 
-# block PAGE HEADING MARK: the first block of code below the heading: indented lines, or with MARK all lines between ```.
-block() {
-    awk -v heading="$2" -v mark="$3" '
-        $0 == heading { on = 1; next }
-        on && /^##/ && !code { exit }
-        on && mark != "" && /^```/ { code = !code; next }
-        on && mark != "" { if (code) print; next }
-        on && /^    / { print substr($0, 5); seen = 1; next }
-        on && seen { exit }' "$source/$1"
+# run PAGE TEXT: the commands in $folder/commands succeed, and TEXT is in what they print.
+run() {
+    [ "$(wc -l <"$folder/commands")" -ge 2 ] || fail "$1: no commands"
+    timeout 200 unshare -mpf --mount-proc --kill-child sh -e "$folder/commands" >"$folder/out" 2>"$folder/err" || fail "$1: its commands"
+    grep -q "$2" "$folder/out" || fail "$1: expected \"$2\""
 }
 
-# follow PAGE HEADING TEXT: the commands below a heading succeed, one after the other, and TEXT is in what they print.
-follow() {
-    block "$1" "$2" "" >"$folder/commands"
-    [ "$(wc -l <"$folder/commands")" -gt 3 ] || fail "$1: no commands below $2"
-    timeout 300 sh -e "$folder/commands" >"$folder/out" 2>"$folder/err" || fail "$1: the commands below $2"
-    grep -q "$3" "$folder/out" || fail "$1: expected \"$3\" from the commands below $2"
+# indented PAGE HEADING TEXT: runs the first indented block below a heading.
+indented() {
+    awk -v heading="$2" '
+        $0 == heading { on = 1; next }
+        on && /^##/ { exit }
+        on && /^    / { print substr($0, 5); seen = 1; next }
+        on && seen { exit }' "$source/$1" >"$folder/commands"
+    run "$1" "$3"
+}
+
+# howto NAME TEXT: runs all blocks of a how-to that are marked as commands.
+howto() {
+    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$source/daemon/howto/$1.md" >"$folder/commands"
+    run "howto/$1.md" "$2"
 }
 
 # tables HEADER STEP: six tables run_K.csv and a table test_1.csv of a system with an input u that is held for 10 samples;
@@ -45,23 +52,20 @@ tables() {
     done
 }
 
-tables "t [s],q [m],v [m/s],F [N]" "y += 1e-4*(u - 8*y - 30*x)/2; x += 1e-4*y"
-follow README.md "## From a logger's files to processes" "steps in violation: 0"
-
+howto unmeasured "bands"
+howto three-subsystems "a_b"
+howto slow-process "lower"
+howto port-law "steps in violation: 0"
+unshare -m ip netns list >"$folder/out" 2>&1 && howto two-hosts "steps in violation: 0"
 tables "t [s],i [A],w [rad/s],u [V]" "x += 1e-4*(u - 1.2*x - 0.08*y)/0.04; y += 1e-4*(0.08*x - 1e-4*y)/8e-4"
-follow trainer/README.md "## From a logger's files" "steps in violation: 0"
-
-# A service, and Python that uses it.
+howto sensors "i \[A\]: a co-energy"
+tables "t [s],q [m],v [m/s],F [N]" "y += 1e-4*(u - 8*y - 30*x)/2; x += 1e-4*y"
+howto own-csv "steps in violation: 0"
+indented README.md "## From a logger's files to processes" "steps in violation: 0"
 if /usr/bin/python3 -c "import numpy, h5py" 2>/dev/null; then
-    heading="### Serve a scene and use it from Python"
-    block daemon/SERVING.md "$heading" "" | grep -v "^portmetd query" >"$folder/commands"
-    block daemon/SERVING.md "$heading" mark >"$folder/script.py"
-    {
-        sed 's/ &$/ \& service=$!/' "$folder/commands"
-        echo 'until portmetd query configs/double_pendulum.yaml | grep -q idle; do sleep 0.2; done'
-        echo "timeout 100 /usr/bin/python3 '$folder/script.py'; code=\$?; kill \$service; wait; exit \$code"
-    } >"$folder/all"
-    timeout 200 sh "$folder/all" >"$folder/out" 2>"$folder/err" || fail "daemon/SERVING.md: $heading"
-    [ "$(wc -l <"$folder/out")" -ge 3 ] || fail "daemon/SERVING.md: the script prints nothing"
+    howto inputs "drives v"
+    howto live-python "1.5 \["
+    howto follow-a-plant "step 100: momentum off by 0.00"
+    command -v unzip >/dev/null && howto fmu "modelDescription.xml"
 fi
 finish
