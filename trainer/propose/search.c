@@ -328,13 +328,13 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     e.samples *= OF_FINALISTS;
     s->left = seconds;
     PM_TRY(run(s, count, which, &e));
-    // Among equals the one that is believed more, which was tried first, wins.
+    // Among equals the one that is believed more, which was tried first, wins, and the simple one.
     s->best = which[0];
     for (int k = 1; k < count; ++k) {
         const pm_search_trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
-        if (!t->failed &&
-            (b->failed ||
-             t->score.rollout < (which[k] < s->best ? 1 / CLOSE : CLOSE) * b->score.rollout)) {
+        const double own = t->score.rollout / (doubt && which[k] == last ? BETTER : 1);
+        const double other = b->score.rollout / (doubt && s->best == last ? BETTER : 1);
+        if (!t->failed && (b->failed || own < (which[k] < s->best ? 1 / CLOSE : CLOSE) * other)) {
             s->best = which[k];
         }
     }
