@@ -59,12 +59,12 @@ static void write_text(const char *path, const char *text) {
 }
 
 // The hypotheses: the spring is linear, has a formula that cannot be read, or is cubic; and a
-// number that changes nothing.
+// number that changes nothing. With a context the number comes first.
 static pm_status write_training(void *context, const int *chosen, const char *comment,
                                 const char *path) {
     static const char *const spring[] = {"k/2*q^2", "k/2*nothing^2", "k/2*q^2 + c/4*q^4"};
     char scene[64], data[64];
-    (void)context;
+    const int first = context != NULL;
     path_of("scene.yaml", scene);
     path_of("data.h5", data);
     FILE *file = fopen(path, "w");
@@ -79,7 +79,7 @@ static pm_status write_training(void *context, const int *chosen, const char *co
         "stages:\n"
         "  - {optimiser: gauss_newton, iterations: %d, batch: 512, residual: derivative}\n"
         "  - {optimiser: gauss_newton, iterations: 20, batch: 512}\n",
-        comment, scene, data, spring[chosen[0]], 20 + chosen[1]);
+        comment, scene, data, spring[chosen[first]], 20 + chosen[1 - first]);
     assert_int_equal(fclose(file), 0);
     return PM_OK;
 }
@@ -123,6 +123,28 @@ static void the_data_decide(void **state) {
     assert_int_equal(strstr(strstr(again, " spring: cubic ("), "; longer: ") != NULL, 1);
 }
 
+// The choice that changes the group with the largest error is asked first: p follows the force of
+// the spring, q does not.
+static void the_worst_group_is_asked_about_first(void **state) {
+    static const char *const spring[] = {"linear", "unreadable", "cubic"};
+    static const char *const number[] = {"20", "21"};
+    pm_hypotheses space = {.write = write_training, .context = &space};
+    char path[64], text[TEXT];
+    (void)state;
+    path_of("result.yaml", path);
+    pm_hypotheses_add(&space, "number", 2, number);
+    pm_hypotheses_add(&space, "spring", 3, spring);
+    space.choice[0].acts_on = 1; // q
+    space.choice[1].acts_on = 2; // p
+    const pm_search_how how = {.budget = 5};
+    assert_int_equal(pm_search_run(&space, &how, path), PM_OK);
+    read_result(path, text);
+    const char *asked = strstr(text, "# * spring: cubic ("), *later = strstr(text, " number: ");
+    if (asked == NULL || (later != NULL && later < asked)) {
+        fail_msg("expected the spring first in:\n%s", text);
+    }
+}
+
 static void without_a_budget_nothing_is_tried(void **state) {
     char text[TEXT];
     (void)state;
@@ -148,6 +170,7 @@ static void an_interrupted_search_ends(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_data_decide),
+        cmocka_unit_test(the_worst_group_is_asked_about_first),
         cmocka_unit_test(without_a_budget_nothing_is_tried),
         cmocka_unit_test(an_interrupted_search_ends),
     };

@@ -47,6 +47,7 @@ static pm_status measure_rollouts(pm_measure *m, pm_columns *columns) {
     double *persistence = pm_arena_array(&m->arena, size, sizeof *persistence); // likewise
     double *one = pm_arena_array(&m->arena, n, sizeof *one);
     double *still = pm_arena_array(&m->arena, (size_t)ntime * (size_t)ncolumn, sizeof *still);
+    m->each = pm_arena_array(&m->arena, n, sizeof *m->each);
     PM_TRY(pm_arena_status(&m->arena, "scores"));
     for (int i = 0; i < e->count; ++i) {
         const double *truth = pm_dataset_state(e->truth, e->rollout[i].trajectory, 0);
@@ -64,11 +65,17 @@ static pm_status measure_rollouts(pm_measure *m, pm_columns *columns) {
     }
     double sum = 0;
     long moving = 0;
-    for (size_t i = 0; i < size; ++i) {
-        if (persistence[i] > CONSTANT) {
-            sum += log(fmin(fmax(error[i] / persistence[i], SMALLEST), LARGEST));
-            ++moving;
+    for (size_t i = 0; i < n; ++i) {
+        long own = 0;
+        for (size_t k = i * (size_t)m->ncell; k < (i + 1) * (size_t)m->ncell; ++k) {
+            if (persistence[k] > CONSTANT) {
+                m->each[i] += log(fmin(fmax(error[k] / persistence[k], SMALLEST), LARGEST));
+                ++own;
+            }
         }
+        sum += m->each[i];
+        moving += own;
+        m->each[i] /= own > 0 ? (double)own : 1;
     }
     m->score = exp(moving > 0 ? sum / (double)moving : 0);
     for (int c = 0; c < m->ncell; ++c) {

@@ -25,6 +25,7 @@ typedef struct pm_measure {
     // The geometric mean over rollouts and cells of the error divided by that of persistence. Cells
     // that do not change are left out. A rollout that is not finite counts as a large number.
     double score;
+    double *each; // [evaluation->count] likewise of each rollout, the logarithm
 } pm_measure;
 
 // Rolls out trajectories first to end-1. With `thorough` it also fills `thermo`, and measures

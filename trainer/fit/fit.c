@@ -186,7 +186,7 @@ pm_status pm_fit_report(pm_fit *fit, const pm_measure *black_box) {
 }
 
 pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score) {
-    *score = (pm_fit_score){NAN, INFINITY, NAN};
+    *score = (pm_fit_score){.step = NAN, .rollout = INFINITY, .production = NAN};
     return fit->kind->judge(fit, score);
 }
 

@@ -24,6 +24,9 @@ typedef struct pm_fit_effort {
     double seconds; // measurements: of CPU time of the process, after which it ends; 0: no limit
 } pm_fit_effort;
 
+#define PM_FIT_SCORED_GROUPS 64
+#define PM_FIT_SCORED_ROLLOUTS 8
+
 // How good the weights of a fit are on the validation part, or on the training part where there is
 // none. Errors as fractions; NAN: not measured; infinite: not finite.
 typedef struct pm_fit_score {
@@ -31,6 +34,12 @@ typedef struct pm_fit_score {
     double rollout;    // states: relative to persistence, the geometric mean over groups;
                        // measurements: relative to the deviation, the geometric mean over columns
     double production; // of the entropy produced over a rollout: the median
+    // States: of each group in the order of the scene, of one step, or where that is not measured
+    // of rollouts relative to persistence; 0: the group does not change, or is not measured.
+    double group[PM_FIT_SCORED_GROUPS];
+    // The logarithms of the errors of single rollouts relative to persistence.
+    int nrollout;
+    double each[PM_FIT_SCORED_ROLLOUTS]; // [nrollout]
 } pm_fit_score;
 
 // The command line of a fit. Texts are borrowed; NULL: not given.

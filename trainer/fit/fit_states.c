@@ -22,9 +22,8 @@
 // training, which runs in batches.
 #define ROLLOUT_COST 4
 
-// An error of one step below which a group is exact in a short fit, and the rollouts of its score.
+// An error of one step below which a group is exact in a short fit.
 #define EXACT_STEP 1e-5
-#define MOST_SCORED 4
 
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
@@ -564,16 +563,23 @@ static pm_status score_states(pm_fit *f, pm_fit_score *score) {
     const pm_evaluate_how how = {.threads = 2, .stop = f->stop};
     pm_measure m;
     PM_TRY(pm_measure_make(&m, f->training->system, f->dataset, first,
-                           first + (all < MOST_SCORED ? all : MOST_SCORED), true, &how));
+                           first + (all < PM_FIT_SCORED_ROLLOUTS ? all : PM_FIT_SCORED_ROLLOUTS),
+                           true, &how));
     double sum = 0;
     int count = 0;
     for (int c = 0; c < m.ncell; ++c) {
-        const double error = m.cell[c].one_step;
-        if (m.cell[c].persistence.median > 0) {
-            sum += error < EXACT_STEP ? log(EXACT_STEP) : log(error);
+        const pm_measure_cell *cell = &m.cell[c];
+        if (cell->persistence.median > 0) {
+            const double own = isnan(cell->one_step)
+                                   ? cell->rollout.median / cell->persistence.median
+                                   : cell->one_step;
+            sum += log(cell->one_step < EXACT_STEP ? EXACT_STEP : cell->one_step);
+            score->group[c < PM_FIT_SCORED_GROUPS ? c : 0] = own < EXACT_STEP ? EXACT_STEP : own;
             ++count;
         }
     }
+    score->nrollout = m.evaluation->count;
+    memcpy(score->each, m.each, (size_t)score->nrollout * sizeof *m.each);
     const pm_thermo_row *produced = production_of(&m);
     score->step = count > 0 ? exp(sum / count) : NAN;
     score->rollout = m.score;

@@ -57,6 +57,21 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
                             answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
+    // The groups of the subsystem, or those that the ends of the port expose.
+    for (int i = 0, cell = 0; id >= 0 && i < physics->nsubsystem; ++i) {
+        const pm_layout *own = &physics->subsystem[i].layout;
+        for (int g = 0; g < own->ngroup && question != PM_ASK_SIZE; ++g, ++cell) {
+            bool moved = i == component || question == PM_ASK_TEMPERATURE;
+            for (int end = 0; port >= 0 && end < 2; ++end) {
+                const pm_scene_port *p = &physics->port[port];
+                moved = moved || (p->subsystem[end] == i &&
+                                  pm_layout_find(&p->layout[end], own->group[g].name) != NULL);
+            }
+            if (moved && cell < PM_FIT_SCORED_GROUPS) {
+                d->space.choice[id].acts_on |= 1ULL << cell;
+            }
+        }
+    }
     if (id >= 0) {
         memcpy(d->answer[id], answer, (size_t)count * sizeof *answer);
         d->asked[component][question] = id;

@@ -25,11 +25,9 @@
 // What a change must reach of the error before, to be kept: other draws of the first weights alone
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
-#define CLOSE 0.95 // likewise between finalists: the one that is believed more wins a tie
-// Errors of one step, and of rollouts relative to persistence, below which nothing else is tried. A
-// weak friction in wrong directions hardly shows in one step.
+// The error of one step below which nothing else is tried, if a verdict would call the rollouts
+// good, too: a weak friction in wrong directions hardly shows in one step.
 #define ENOUGH 1e-2
-#define ENOUGH_ROLLOUT 0.05
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
 #define FOR_FINALISTS 0.3 // of the budget
@@ -97,7 +95,8 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
     const rlim_t limit = (rlim_t)ceil(seconds);
     const struct rlimit most = {limit, limit}, no_core = {0, 0};
     char config[PATH_MAX + NAME_OF_FILE];
-    pm_search_trial result = {.failed = true, .score = {INFINITY, INFINITY, INFINITY}};
+    pm_search_trial result = {
+        .failed = true, .score = {.step = INFINITY, .rollout = INFINITY, .production = INFINITY}};
     const int quiet = open("/dev/null", O_WRONLY);
     (void)prctl(PR_SET_PDEATHSIG, SIGKILL);
     (void)setrlimit(RLIMIT_CPU, &most);
@@ -131,9 +130,10 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial
                    double *used) {
     struct rusage usage = {0};
     int end = 0;
-    *trial = (pm_search_trial){.failed = true,
-                               .score = {INFINITY, INFINITY, INFINITY},
-                               .reason = "the fit took too long or ended by a fault"};
+    *trial =
+        (pm_search_trial){.failed = true,
+                          .score = {.step = INFINITY, .rollout = INFINITY, .production = INFINITY},
+                          .reason = "the fit took too long or ended by a fault"};
     size_t got = 0;
     pm_search_trial result;
     for (ssize_t n = 1; n != 0 && got < sizeof result;) {
@@ -208,8 +208,49 @@ static double error_of(const pm_search_trial *t) {
     return t->failed || isnan(error) ? INFINITY : error;
 }
 
+// Returns the sum of the squares of the errors of all groups whose rates a choice changes: how much
+// it may be to blame for. The error of one group may be the fault of each choice that changes it,
+// and a coupling that is wrong shows at both ends.
+static double blame_of(const pm_search_trial *t, const pm_choice *c) {
+    double sum = 0;
+    for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
+        sum += (c->acts_on >> g & 1) != 0 && !t->failed ? t->score.group[g] * t->score.group[g] : 0;
+    }
+    return sum;
+}
+
+// Returns the geometric mean of the errors of these groups, or that of all where there are none.
+static double local_error(const pm_search_trial *t, const pm_choice *c) {
+    double sum = 0;
+    int count = 0;
+    for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
+        if ((c->acts_on >> g & 1) != 0 && t->score.group[g] > 0) {
+            sum += log(t->score.group[g]);
+            ++count;
+        }
+    }
+    return t->failed || count == 0 ? error_of(t) : exp(sum / count);
+}
+
+// Returns whether the rollouts of a are better than those of b by more than the standard error of
+// their mean difference (Breiman et al., Classification and Regression Trees, 1984: among models
+// within one standard error of the best one the simplest is taken). `factor`: a must be better by.
+static bool is_better(const pm_search_trial *a, const pm_search_trial *b, double factor) {
+    const int n = a->score.nrollout < b->score.nrollout ? a->score.nrollout : b->score.nrollout;
+    double mean = 0, square = 0;
+    if (a->failed || b->failed || n < 2) {
+        return !a->failed && (b->failed || a->score.rollout < factor * b->score.rollout);
+    }
+    for (int i = 0; i < n; ++i) {
+        const double d = a->score.each[i] - b->score.each[i];
+        mean += d / n;
+        square += d * d / n;
+    }
+    return mean + sqrt(fmax(square - mean * mean, 0) / (n - 1)) < log(factor);
+}
+
 static bool is_enough(const pm_search_trial *t) {
-    return error_of(t) < ENOUGH && !(t->score.rollout > ENOUGH_ROLLOUT);
+    return error_of(t) < ENOUGH && !(t->score.rollout > PM_VERDICT_GOOD);
 }
 
 // Adds the best vector with another alternative of one choice, or, for choice -1, with the first
@@ -332,9 +373,10 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     s->best = which[0];
     for (int k = 1; k < count; ++k) {
         const pm_search_trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
-        const double own = t->score.rollout / (doubt && which[k] == last ? BETTER : 1);
-        const double other = b->score.rollout / (doubt && s->best == last ? BETTER : 1);
-        if (!t->failed && (b->failed || own < (which[k] < s->best ? 1 / CLOSE : CLOSE) * other)) {
+        const bool is_last = doubt && which[k] == last, was_last = doubt && s->best == last;
+        if (was_last             ? !is_better(b, t, BETTER)
+            : which[k] < s->best ? !is_better(b, t, 1)
+                                 : is_better(t, b, is_last ? BETTER : 1)) {
             s->best = which[k];
         }
     }
@@ -386,20 +428,34 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     s->best = other && BETTER * error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
+        bool asked[PM_SEARCH_CHOICES] = {false};
         goes_on = false;
-        for (int c = 0; c < space->count; ++c) {
+        for (int n = 0; n < space->count; ++n) {
+            // The choice that may be to blame for the largest error, else the one that came first.
+            const pm_search_trial *so_far = &s->candidate[s->best].trial;
+            int c = -1;
+            for (int k = 0; k < space->count; ++k) {
+                c = !asked[k] && (c < 0 || blame_of(so_far, &space->choice[k]) >
+                                               blame_of(so_far, &space->choice[c]))
+                        ? k
+                        : c;
+            }
+            asked[c] = true;
+            const pm_choice *choice = &space->choice[c];
             const int first = s->ncandidate, own = s->candidate[s->best].vector[c];
-            const double before = error_of(&s->candidate[s->best].trial);
-            if (is_enough(&s->candidate[s->best].trial)) {
+            const double before = local_error(so_far, choice), all = error_of(so_far);
+            if (is_enough(so_far)) {
                 return PM_OK;
             }
-            for (int a = 0; a < space->choice[c].count; ++a) {
+            for (int a = 0; a < choice->count; ++a) {
                 (void)(a != own && add(s, c, a));
             }
             PM_TRY(run_new(s, first, &s->effort, s->left));
             for (int i = first; i < s->ncandidate; ++i) {
-                const double error = error_of(&s->candidate[i].trial);
-                if (error < BETTER * before && error < error_of(&s->candidate[s->best].trial)) {
+                const pm_search_trial *tried = &s->candidate[i].trial;
+                if (error_of(tried) < all && local_error(tried, choice) < BETTER * before &&
+                    local_error(tried, choice) <
+                        local_error(&s->candidate[s->best].trial, choice)) {
                     s->best = i;
                     goes_on = true;
                 }

@@ -3,7 +3,8 @@
 // one alternative for each choice, into a training file. A trial is a short fit of that file in a
 // process of its own, measured on the validation part. The search begins with the vector of first
 // alternatives or, unless it is clearly worse, that of the simplest ones, tries the alternatives of
-// one choice after the other and keeps what lowers the error of one step, until nothing does; the
+// one choice after the other, first of that whose groups have the largest errors, and keeps what
+// lowers the error of one step of these groups, until nothing does; the
 // best few are then fitted longer, and their rollouts decide (coordinate descent, and a last round
 // of successive halving, Jamieson, Talwalkar, AISTATS 2016).
 //
@@ -28,6 +29,9 @@ typedef struct pm_choice {
     int count;                 // number of alternatives, at least 1
     int simplest; // the alternative with the fewest functions; these are also tried all together
     const char *alternative[PM_SEARCH_ALTERNATIVES]; // [count] in words; static or borrowed texts
+    // The groups of the scene whose rates it changes (fit/fit.h: pm_fit_score), a bit for each; 0:
+    // asked last.
+    unsigned long long acts_on;
 } pm_choice;
 
 typedef struct pm_hypotheses {
