@@ -59,6 +59,39 @@ succeed "angle: residual 0.00" fit "$folder/swing/training.yaml" -o "$folder/swi
 grep -q -- " 10\*cos1_angle\*cos" "$folder/swing/training.yaml" || fail "propose: numbers are about 1"
 grep -qE "system.cos1_angle = -0?(.8[89]|.9[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 
+# A mass on a spring with two wells, of which only the place is known: its mass is constant, and forces are not mistaken
+# for the squares of velocities.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 0.9*rand() - 0.45; v = rand() - 0.5; print "t [s],y [m]"
+        for (k = 0; k < 200; k++) {
+            printf "%.3f,%.6f\n", 0.05*k, q + 0.001*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand())
+            for (j = 0; j < 50; j++) { v += 0.001*(7.5*q - 110*q*q*q - 0.5 - 0.4*v); q += 0.001*v }
+        }
+    }' >"$folder/wells_$i.csv"
+done
+succeed "y_rate" propose --data "$folder"/wells_?.csv --budget 0 -o "$folder/wells"
+! grep -q "exp(0" "$folder/wells/training.yaml" || fail "propose: the mass is constant"
+
+# Two coils of a transformer: the voltage at one of them moves both currents, through an inductance that they share.
+for i in 1 2 3 4; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); a = rand() - 0.5; b = rand() - 0.5; print "t [s],i1 [A],i2 [A],u [V]"
+        for (k = 0; k < 120; k++) {
+            if (k % 10 == 0) u = int(40*rand()) - 20
+            printf "%.4f,%.12g,%.12g,%g\n", 0.0005*k, a, b, u
+            for (j = 0; j < 50; j++) {
+                h = 1e-5; da = (0.03*(u - 3*a) + 0.2*b)/8e-4; db = (-0.4*b - 0.04*(u - 3*a))/8e-4
+                am = a + h/2*da; bm = b + h/2*db
+                a += h*(0.03*(u - 3*am) + 0.2*bm)/8e-4; b += h*(-0.4*bm - 0.04*(u - 3*am))/8e-4
+            }
+        }
+    }' >"$folder/coils_$i.csv"
+done
+succeed "u [V]: an input; drives i1; held between samples" propose --budget 0 --data "$folder"/coils_?.csv -o "$folder/coils"
+sed -i 's/iterations: [0-9]*/iterations: 12/' "$folder/coils/training.yaml"
+succeed "Verdict: good" fit "$folder/coils/training.yaml" -o "$folder/coils/weights"
+
 # A sledge of which only the place is known: its velocity is hidden, and its mass follows from the force.
 for i in 1 2 3 4 5; do
     awk -v seed=$i 'BEGIN {

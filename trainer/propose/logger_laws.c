@@ -20,7 +20,8 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define BENDS 3 // bends of a function of one variable, each of which has a place and a width
+#define TURN 6.283 // rad
+#define BENDS 3    // bends of a function of one variable, each of which has a place and a width
 
 // Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
@@ -224,7 +225,18 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 write_lever(w, y->name, "", part, true, -1, 1);
                 fputs(")*", w->model);
             }
-            fprintf(w->model, "%s^2/2\"%s\n", y->name,
+            bool shares = false;
+            for (int j = c + 1; j < w->v->nvariable; ++j) {
+                if (w->v->mutual[c][j] != 0) {
+                    char both[PM_LOGGER_TEXT];
+                    snprintf(both, sizeof both, "%.40s_%.40s", y->name, w->v->column[j].name);
+                    fprintf(w->model, "%s%s + %s*%s", shares ? "" : "(", shares ? "" : y->name,
+                            pm_logger_number(w, "mutual", both, w->v->mutual[c][j], 1),
+                            w->v->column[j].name);
+                    shares = true;
+                }
+            }
+            fprintf(w->model, "%s^2/2\"%s\n", shares ? ")" : y->name,
                     y->free_scale ? "   # nothing fixes its scale, which is 1" : "");
             if (bends && y->kind == PM_LOGGER_LEVEL) {
                 pm_logger_constant(w, "wider", y->name, SMALL * own);
@@ -260,6 +272,14 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
     if (w->v->thermometer[cell->part] >= 0) {
         fprintf(w->list, "      warms_%s: {learned: 0}\n", cell->name);
     }
+}
+
+// Returns true if two positions may have a spring between them: lengths, and angles that do not
+// turn against each other.
+static bool has_spring(const pm_logger_view *v, int i, int j) {
+    const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+    return a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
+           (!a->angle || v->apart[i][j] < TURN);
 }
 
 // Writes V, the energy of positions.
@@ -330,10 +350,10 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         const pm_logger_column *v = &w->v->column[q->mate];
         double stiffness = -v->inertia * w->v->coupling[q->mate][c];
         for (int j = 0; j < w->v->nvariable; ++j) { // what springs to other positions have of it
-            stiffness -= j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && !q->angle &&
-                                 !w->v->column[j].angle
-                             ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j]
-                             : 0;
+            stiffness -=
+                j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && has_spring(w->v, c, j)
+                    ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j]
+                    : 0;
         }
         if (q->angle) {
             const double start[] = {-stiffness * sin(q->mean), -stiffness * cos(q->mean)};
@@ -375,21 +395,22 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                             pm_logger_number(w, kinds[k], both, 0, size), kinds[k], a->name,
                             k < 2 ? '+' : '-', b->name);
                 }
+                fputs("\"\n", w->model);
             } else if (a->angle != b->angle) {
                 const pm_logger_column *x = a->angle ? b : a, *q = a->angle ? a : b;
                 fprintf(w->model, "      - \"%s/%.6g*(%s*cos(%s)", x->name,
                         fmax(fabs(x->least), fabs(x->largest)),
                         pm_logger_number(w, "cosx", both, 0, size), q->name);
-                fprintf(w->model, " + %s*sin(%s))", pm_logger_number(w, "sinx", both, 0, size),
+                fprintf(w->model, " + %s*sin(%s))\"\n", pm_logger_number(w, "sinx", both, 0, size),
                         q->name);
             } else if (!pm_unit_equal(&a->dimension, &b->dimension)) {
-                fprintf(w->model, "      - \"%s*(%s/%.6g)*(%s/%.6g)",
+                fprintf(w->model, "      - \"%s*(%s/%.6g)*(%s/%.6g)\"\n",
                         pm_logger_number(w, "both", both, 0, size), a->name,
                         fmax(fabs(a->least), fabs(a->largest)), b->name,
                         fmax(fabs(b->least), fabs(b->largest)));
-            } else {
-                const double d = fmax(fmax(fabs(a->least), fabs(a->largest)),
-                                      fmax(fabs(b->least), fabs(b->largest)));
+            }
+            if (has_spring(w->v, i, j)) {
+                const double d = w->v->apart[i][j];
                 const double spring =
                     w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] * d * d / 2;
                 static const char *const kinds[] = {"b2", "b3", "b4"};
@@ -398,8 +419,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                             pm_logger_number(w, kinds[k], both, k == 0 ? spring : 0, size), a->name,
                             b->name, d, k + 2);
                 }
+                fputs("\"\n", w->model);
             }
-            fputs("\"\n", w->model);
         }
     }
 }

@@ -14,7 +14,7 @@
 #define PUSHES 0.1 // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
-typedef enum atom_kind { VALUE, SIZE, SQUARE, SINE, COSINE } atom_kind;
+typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, SINE, COSINE } atom_kind;
 
 typedef struct atom {
     int column;
@@ -38,6 +38,8 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
     const double size = fmax(fabs(c->least), fabs(c->largest));
     const double y = size > 0 ? raw / size : raw;
     switch (a.kind) {
+    case ONE:
+        return 1;
     case SIZE:
         return fabs(y);
     case SINE:
@@ -245,6 +247,12 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
     for (int c = 0; c < v->nvariable; ++c) {
         v->column[c].harmonics = FEWEST_HARMONICS;
+        for (int j = 0; j < v->nvariable; ++j) {
+            for (int k = 0; k < w->nrow; ++k) {
+                const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+                v->apart[c][j] = fmax(v->apart[c][j], fabs(row[c] - row[j]));
+            }
+        }
     }
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
@@ -276,13 +284,22 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
         term_list turning = {0};
         if (y->mate >= 0) {
-            if (v->column[y->mate].angle) {
+            // The squares of velocities follow positions where energy is kept: forces come first.
+            const bool angle = v->column[y->mate].angle;
+            if (angle) {
+                add_angle(&turning, i, ONE, y->mate, 1, FEWEST_HARMONICS);
+            } else {
+                add_term(&turning, y->mate, VALUE, y->mate, VALUE);
+                add_term(&turning, y->mate, VALUE, y->mate, SQUARE);
+            }
+            const int forces = turning.count;
+            if (angle) {
                 add_angle(&turning, i, SQUARE, y->mate, 1, FEWEST_HARMONICS);
             } else {
                 add_term(&turning, i, SQUARE, y->mate, VALUE);
                 add_term(&turning, i, SQUARE, i, SIZE);
             }
-            v->turns[i] = gain_of(w, i, &turning, 0, work, NULL) > GAINS;
+            v->turns[i] = gain_of(w, i, &turning, forces, work, NULL) > GAINS;
             if (v->turns[i] && v->column[y->mate].angle) {
                 find_harmonics(w, i, work);
             }

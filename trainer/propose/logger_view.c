@@ -506,6 +506,30 @@ static void find_actions(pm_logger_view *view) {
     }
 }
 
+// Finds co-energies of one kind that share an inertia: an input drives d and moves o, too. The
+// energy is a (i + k j)^2/2 + b j^2/2, i < j. The inverse W of its matrix follows from the answers
+// to the input and from the two losses. Returns whether they are found.
+static bool find_mutual(pm_logger_view *view, const pm_logger_action *action) {
+    const int o = action->target, u = action->input, d = driven_by(view, u);
+    if (d < 0 || d == o || view->column[o].mate >= 0 || view->column[d].mate >= 0 ||
+        view->column[o].part != view->column[d].part ||
+        !pm_unit_equal(&view->column[o].dimension, &view->column[d].dimension)) {
+        return false;
+    }
+    const int i = d < o ? d : o, j = d < o ? o : d;
+    const double both = view->coupling[o][u], lost = both * view->coupling[o][o];
+    const double own = lost / view->coupling[d][o],
+                 W[2] = {i == d ? view->coupling[d][u] : own, j == d ? view->coupling[d][u] : own};
+    const double first = W[0] - both * both / W[1];
+    const bool found = W[1] > 0 && first > 0 && isfinite(first);
+    if (found) {
+        view->mutual[i][j] = -both / W[1];
+        view->column[i].inertia = 1 / first;
+        view->column[j].inertia = 1 / W[1];
+    }
+    return found;
+}
+
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite. Finds the
 // temperature of the surroundings, too.
@@ -602,14 +626,19 @@ static void find_scales(pm_logger_samples *w) {
             }
         }
     }
+    int kept = 0;
     for (int a = 0; a < view->naction; ++a) {
         pm_logger_action *action = &view->action[a];
         const pm_logger_column *c = &view->column[action->target];
-        if (action->effect == PM_LOGGER_FILLS) {
-            continue;
+        if (action->effect != PM_LOGGER_FILLS) {
+            action->gain = c->inertia * view->coupling[action->target][action->input];
         }
-        action->gain = c->inertia * view->coupling[action->target][action->input];
+        // Of what an input moves through a shared inertia it drives one alone.
+        if (action->effect != PM_LOGGER_GAIN || !find_mutual(view, action)) {
+            view->action[kept++] = *action;
+        }
     }
+    view->naction = kept;
     // Temperatures may tend towards surroundings which no input describes.
     double sum = 0, weight = 0;
     for (int i = 0; i < view->nvariable; ++i) {

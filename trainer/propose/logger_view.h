@@ -126,6 +126,10 @@ typedef struct pm_logger_view {
     double bath;         // K: the temperature of the surroundings
     bool leaks[PM_LOGGER_COLUMNS];  // temperatures that tend towards the surroundings
     double leak[PM_LOGGER_COLUMNS]; // 1/s: how fast
+    // [i][j], i < j: how much of co-energy j is added to i in the energy of i, since an input moves
+    // both through an inertia that they share, as that of two coils; 0: nothing.
+    double mutual[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
     // What regressions on products of columns show (logger_terms.h).
     int nconverter;
     pm_logger_converter converter[PM_LOGGER_ACTIONS];
