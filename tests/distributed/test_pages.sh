@@ -68,4 +68,23 @@ if /usr/bin/python3 -c "import numpy, h5py" 2>/dev/null; then
     howto follow-a-plant "step 100: momentum off by 0.00"
     command -v unzip >/dev/null && howto fmu "modelDescription.xml"
 fi
+
+# Every row of configs/make.sh names files that are there, and options that portmet-train has.
+mkdir -p "$folder/dry/build/trainer" && ln -s "$source/configs" "$folder/dry/configs" && cd "$folder/dry" || exit 1
+cat >build/trainer/portmet-train <<END
+#!/bin/sh
+for word; do
+    case \$word in
+    configs/*) [ -e "\$word" ] ;;
+    --*) "$1/trainer/portmet-train" "\$1" --help | grep -qw -e "\$word" ;;
+    esac || { echo "\$*: \$word" >&2; exit 1; }
+done
+END
+cp build/trainer/portmet-train build/trainer/portmet-mesh && sed -i 's/portmet-train" "$1"/portmet-mesh"/' build/trainer/portmet-mesh
+chmod +x build/trainer/*
+names=$(sh configs/make.sh 2>&1 | sed '1d; s/ | / /g; s/chain_\*/chain_3/')
+[ "$(echo $names | wc -w)" -gt 20 ] || fail "configs/make.sh: found the names $names"
+for name in $names; do
+    sh configs/make.sh "$name" "$0" >"$folder/out" 2>"$folder/err" || fail "configs/make.sh $name"
+done
 finish
