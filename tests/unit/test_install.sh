@@ -57,8 +57,8 @@ if [ "$(id -u)" -eq 0 ] && unshare -n true 2>/dev/null; then
         --steps 3 --quiet >"$folder/lcm.out" 2>&1 || fail "the installed program does not run over LCM: $(cat "$folder/lcm.out")"
 fi
 
-# The example of daemon/LIBRARY.md, with pkg-config and with CMake.
-sed -n '/^```c$/,/^```$/p' "$source/daemon/LIBRARY.md" | sed '/^```/d' >"$folder/example.c"
+# An example in C, with pkg-config and with CMake.
+cp "$source/daemon/examples/example.c" "$folder/example.c"
 pc=$(dirname "$(find "$prefix" -name libportmet.pc)")
 library=$(dirname "$(find "$prefix" -name libportmet.so)")
 flags=

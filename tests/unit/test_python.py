@@ -347,19 +347,20 @@ class Pages(unittest.TestCase):
         exec(compile(script, "daemon/LIBRARY.md", "exec"), space)  # pylint: disable=exec-used
         self.assertEqual((space["copies"].failure, list(set(space["copies"].steps))), ("", [15]))
 
-    def test_script_of_the_page(self):
-        with open("configs/README.md", encoding="utf-8") as page:
-            script = re.search(r"```python\n(.*?)```", page.read(), re.S)[1]
-        self.assertLessEqual(len([line for line in script.splitlines() if line]), 30)
+    def test_assemble(self):
+        with open("daemon/examples/assemble.py", encoding="utf-8") as file:
+            script = file.read()
+        self.assertLessEqual(len([line for line in script.splitlines() if line]), 45)
         with tempfile.TemporaryDirectory() as folder:
             os.environ["PORTMET_EXAMPLE"] = folder
             space, here = {}, os.getcwd()
             try:
-                exec(compile(script, "configs/README.md", "exec"), space)  # pylint: disable=exec-used
+                exec(compile(script, "daemon/examples/assemble.py", "exec"), space)  # pylint: disable=exec-used
             finally:
                 os.chdir(here)
             self.assertLess(space["error"], 0.01)
             self.assertEqual(space["chain"].ledger.violations, 0)
+
 
 
 if __name__ == "__main__":
