@@ -14,7 +14,7 @@
 // The options that a subcommand was given. Text points into argv; text that was not given is NULL.
 typedef struct pm_run_options {
     const char *scene, *name; // positional; `name` only where the subcommand has two
-    const char *weights, *url, *record, *replay, *checkpoint, *gate, *c_folder, *output;
+    const char *weights, *url, *record, *replay, *checkpoint, *c_folder, *output;
     const char *bind, *recording;
     const char *pace;              // of a run; NULL: the scene's
     const char *state;             // numbers of a state
@@ -34,6 +34,7 @@ typedef struct pm_run_options {
     int64_t seed;                  // of random starts
     int64_t steps;                 // number of steps of the run; 0: as the scene says
     int64_t session;   // number of the session to join or to open; 0: no session was given
+    int64_t address;   // the session that the user has given, by which clients address a run
     int64_t port, udp; // numbers of ports; 0: not given
     int64_t copies;    // of the scene; 0: a run of one, or as many as `starts` has
     bool in_process, quiet, overwrite;
@@ -59,7 +60,6 @@ enum {
     PM_OPTION_QUIET = 1 << 5,
     PM_OPTION_SESSION = 1 << 6,
     PM_OPTION_CHECKPOINT = 1 << 7,
-    PM_OPTION_GATE = 1 << 8,
     PM_OPTION_C = 1 << 9,
     PM_OPTION_OUTPUT = 1 << 10,
     PM_OPTION_OVERWRITE = 1 << 11,

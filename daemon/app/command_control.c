@@ -83,7 +83,8 @@ static pm_status control(const pm_run_options *options, int8_t kind, const char 
     const char *address;
     char host[64] = "";
     pm_status status;
-    PM_TRY_DONE(pm_scene_load(&scene, options->scene));
+    PM_TRY_DONE(options->text == NULL ? pm_scene_load(&scene, options->scene)
+                                      : pm_scene_parse(&scene, options->text, options->scene));
     PM_TRY_DONE(pm_connect_check(scene));
     PM_TRY_DONE(pm_connect_listener(scene, options->url, &address));
     (void)gethostname(host, sizeof host - 1);

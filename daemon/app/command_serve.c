@@ -1,15 +1,35 @@
-// portmetd node and portmetd coordinator: open the transport and the state machine of a process of
-// a run, and drive it (lockstep/node.h, coordinator.h).
+// portmetd serve, coordinator and node: a coordinator with the processes that it launches, of one
+// run or of one run after another as clients ask for them, and a process of a run (lockstep/node.h,
+// coordinator.h, control.h).
 #include "app/serve.h"
 
+#include <inttypes.h>
+#include <math.h>
+#include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "app/connect.h"
+#include "app/launch.h"
 #include "app/notify.h"
 #include "app/observer.h"
 #include "app/prepare.h"
-#include "lockstep/coordinator.h"
+#include "base/options.h"
+#include "library/names.h"
+#include "lockstep/control.h"
 #include "lockstep/node.h"
+#include "model/training_range.h"
+
+#define MOST_STARTING 16      // nodes that start at the same time
+#define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
+#define WATCH_INTERVAL 0.05   // s between two looks at the children
+#define SETTLED 1.0           // s after which the control has asked whether there is another
+#define RESTING 0.5           // s between two looks at the children while nothing is to be done
+#define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
+#define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
 static void tell_alive(void *context, int64_t step) {
     (void)context;
@@ -45,28 +65,376 @@ done:
     return status;
 }
 
-pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
-    const char *url = pm_connect_url(setup->scene, options->url);
-    pm_observer observer = {0};
-    pm_transport *transport = NULL;
-    pm_lockstep_coordinator *coordinator = NULL;
-    pm_status status;
-    PM_TRY_DONE(pm_observer_open(&observer, setup, options));
-    pm_lockstep_coordinator_options own = pm_observer_attach(&observer, setup);
-    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &own.checkpoint));
-    PM_TRY_DONE(pm_connect_open(&transport, setup->scene, url, "coordinator", &options->log));
-    PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, setup->system, transport, &own));
-    pm_notify("READY=1");
-    status = pm_lockstep_run_coordinator(coordinator, options->stop);
-    status = pm_observer_finish(&observer, status, pm_lockstep_coordinator_ledger(coordinator),
-                                pm_lockstep_coordinator_pace(coordinator),
-                                pm_transport_has_ranks(url) ? "a rank each, over MPI" : "over LCM");
-    pm_connect_warn(transport, pm_lockstep_coordinator_drops(coordinator), &options->log);
-done:
-    pm_lockstep_coordinator_close(coordinator);
-    pm_transport_close(transport);
-    pm_observer_close(&observer);
+// A mutable global, since a signal handler can reach nothing else: SIGHUP asks to read the scene
+// again.
+static volatile sig_atomic_t hung_up = 0;
+
+static void hang_up(int signal_number) {
+    (void)signal_number;
+    hung_up = 1;
+}
+
+// A coordinator with the nodes that it launches: of one run, or of the runs that clients start.
+typedef struct service {
+    pm_setup *setup;
+    pm_run_options options; // of the present run
+    const char *folder;     // of recordings; NULL: none
+    char path[1024];        // of the recording
+    pm_observer observer;   // of the present run
+    pm_lockstep_coordinator *coordinator;
+    pm_control *control; // NULL: clients cannot reach it
+    const pm_journal *log;
+    bool runs;   // a run of a client is under way
+    bool reload; // this process is to begin anew
+    pm_launch *launch;
+    pm_run_options node; // options of the nodes
+    int next;            // node that is to be launched; the coordinator answers those before it
+    double at;           // s, when the last one was
+} service;
+
+// The life of a node.
+static pm_status serve_node(void *context, const char *name) {
+    const service *s = context;
+    if (s->node.stays) {
+        // It may start in the middle of a run. The recording, and the lock on it, are the parent's.
+        (void)close_range(STDERR_FILENO + 1, ~0U, 0);
+    }
+    return pm_serve_node(s->setup, &s->node, pm_scene_find_process(s->setup->scene, name));
+}
+
+// Checks the files, so that a mistake in them does not end the service.
+static pm_status check_reload(void *context) {
+    service *s = context;
+    pm_setup fresh = {0};
+    pm_status status = pm_prepare(&fresh, &s->options, PM_TO_COORDINATE);
+    if (status == PM_OK && strcmp(fresh.scene->name, s->setup->scene->name) != 0) {
+        status = pm_fail(PM_ECONFIG, "%s: is now scene %s, and %s is served", fresh.scene->path,
+                         fresh.scene->name, s->setup->scene->name);
+    }
+    pm_setup_free(&fresh);
+    s->reload = status == PM_OK;
     return status;
+}
+
+// Starts another node. Nodes share the cores, and each has to start within its patience: so another
+// one starts as long as few of those before have yet to say hello.
+static pm_status launch_some(service *s) {
+    const pm_network *network = &s->setup->scene->network;
+    while (s->next < network->nprocess &&
+           (s->next - pm_lockstep_coordinator_present(s->coordinator) < MOST_STARTING ||
+            pm_clock() > s->at + LAUNCH_INTERVAL)) {
+        const char *name = network->process[s->next].name, *progress = NULL;
+        if (s->node.stays) { // a node that is killed starts again
+            PM_TRY(pm_prepare_checkpoint(s->setup, &s->node, name, &progress));
+            progress = progress == NULL ? s->setup->scene->path : progress;
+        }
+        PM_TRY(pm_launch_start(s->launch, name, (pm_launch_program){serve_node, s, s->node.stays},
+                               progress));
+        s->next += 1;
+        s->at = pm_clock();
+    }
+    return PM_OK;
+}
+
+// Looks at the children, the stop flag and SIGHUP. A failure ends the coordinator.
+static pm_status watch(service *s, int *deaths) {
+    const int before = *deaths;
+    const bool stays = s->node.stays;
+    const pm_status status = pm_launch_watch(s->launch, deaths);
+    if (stays && hung_up && !s->runs) {
+        hung_up = 0;
+        if (check_reload(s) != PM_OK) {
+            pm_journal_write(s->log, PM_JOURNAL_ERROR, 0, NULL, "not read again: %s", pm_error());
+        }
+    }
+    // A process that was killed starts again, for the next run.
+    if (stays && *deaths > before && s->node.checkpoint == NULL) {
+        pm_lockstep_coordinator_fail(s->coordinator, PM_ENET,
+                                     "a process was killed, and the run keeps no checkpoints");
+    }
+    return *s->node.stop || (s->reload && !s->runs) ? pm_fail(PM_EINTERRUPTED, "interrupted")
+                                                    : status;
+}
+
+// Runs the coordinator's loop, and watches the children: until the run is over, or, if it stays,
+// until the user ends the service or a child fails for good.
+static pm_status conduct(service *s) {
+    pm_lockstep_coordinator *coordinator = s->coordinator;
+    pm_transport *transport = pm_lockstep_coordinator_transport(coordinator);
+    const int nprocess = s->setup->scene->network.nprocess;
+    const bool stays = s->node.stays;
+    pm_status first = PM_OK; // the first failure of a child, or the interrupt
+    char reason[1024] = "";
+    int deaths = 0;
+    bool ready = false;
+    double now = pm_clock(), looked = 0, notified = 0;
+    const double begun = now;
+    while (!pm_lockstep_coordinator_finished(coordinator)) {
+        if (first == PM_OK && now - looked > WATCH_INTERVAL) {
+            looked = now;
+            first = watch(s, &deaths);
+            snprintf(reason, sizeof reason, "%s", first == PM_OK ? "" : pm_error());
+        }
+        if (first != PM_OK) { // an interrupt alone ends a coordinator that stays
+            pm_lockstep_coordinator_fail(coordinator, stays ? PM_EINTERRUPTED : first, reason);
+        }
+        if (now - notified > WATCHDOG_INTERVAL) {
+            notified = now;
+            pm_notify("WATCHDOG=1");
+        }
+        // Processes that run elsewhere may come much later.
+        if (!ready &&
+            (s->node.elsewhere || pm_lockstep_coordinator_present(coordinator) == nprocess)) {
+            ready = true;
+            pm_notify("READY=1");
+        }
+        PM_TRY(first == PM_OK && !s->node.elsewhere ? launch_some(s) : PM_OK);
+        const double next = pm_lockstep_coordinator_poll(coordinator, now);
+        if (s->control != NULL && pm_control_poll(s->control) != PM_OK && first == PM_OK) {
+            first = PM_ENET;
+            snprintf(reason, sizeof reason, "%s", pm_error());
+        }
+        const bool rests = next - now > 2 * WATCH_INTERVAL && now > begun + SETTLED;
+        const double interval = rests ? RESTING : WATCH_INTERVAL;
+        const double wait = next - now < interval ? next - now : interval;
+        PM_TRY(pm_transport_wait(transport, wait > 0 ? wait : 0, NULL));
+        now = pm_clock();
+    }
+    return stays && first != PM_OK ? pm_fail(first, "%s", reason)
+                                   : pm_lockstep_coordinator_result(coordinator);
+}
+
+// --- the runs of clients ---
+
+static void tell(const service *s, const pm_control_run *run, const char *text) {
+    const pm_journal_field field[] = {{.name = "run", .number = (double)run->number},
+                                      {.name = "client", .text = run->owner}};
+    pm_journal_write(s->log, PM_JOURNAL_NOTICE, 2, field, "run %" PRId64 " of %s: %s", run->number,
+                     run->owner, text);
+}
+
+static pm_status place(void *context, const char *name, const char *suffix, char *path,
+                       size_t size) {
+    const service *s = context;
+    struct stat file;
+    snprintf(path, size, "%s/%s%s", s->folder, name, suffix);
+    return lstat(path, &file) == 0 && !S_ISREG(file.st_mode) // a link leads elsewhere
+               ? pm_fail(PM_EFILE, "%s: is no file", path)
+               : PM_OK;
+}
+
+static pm_status begin_run(void *context, const pm_control_run *run,
+                           pm_lockstep_observer *observer) {
+    service *s = context;
+    char text[1200], steps[32] = "until it is stopped";
+    s->options.record = NULL;
+    if (run->record[0] != 0) {
+        PM_TRY(place(s, run->record, "", s->path, sizeof s->path));
+        s->options.record = s->path;
+    }
+    const pm_status status = pm_observer_open(&s->observer, s->setup, &s->options);
+    if (status != PM_OK) {
+        pm_observer_close(&s->observer);
+        return status;
+    }
+    *observer = pm_observer_attach(&s->observer, s->setup).observer;
+    s->runs = true;
+    if (run->steps > 0) {
+        snprintf(steps, sizeof steps, "%" PRId64 " steps", run->steps);
+    }
+    snprintf(text, sizeof text, "begins at %s, %s%s%s%s",
+             run->from_client ? "the state of the client" : "the scene's state", steps,
+             run->held ? ", held at its start" : "",
+             s->options.record == NULL ? "" : ", recorded in ",
+             s->options.record == NULL ? "" : s->path);
+    tell(s, run, text);
+    return PM_OK;
+}
+
+static pm_status end_run(void *context, const pm_control_run *run, int64_t step, pm_status status,
+                         const char *message) {
+    service *s = context;
+    char text[PM_TEXT_MAX + 64], reason[PM_TEXT_MAX + 1];
+    status = status == PM_OK ? PM_OK : pm_fail(status, "%s", message);
+    status =
+        pm_observer_finish(&s->observer, status, pm_lockstep_coordinator_ledger(s->coordinator),
+                           pm_lockstep_coordinator_pace(s->coordinator), "over LCM");
+    snprintf(reason, sizeof reason, "%s", status == PM_OK ? "" : pm_error());
+    pm_observer_close(&s->observer);
+    s->observer = (pm_observer){0};
+    s->runs = false;
+    snprintf(text, sizeof text, "ended after step %" PRId64 "%s%s", step < 0 ? 0 : step,
+             status == PM_OK ? "" : ": ", reason);
+    tell(s, run, text);
+    return status == PM_OK ? PM_OK : pm_fail(status, "%s", reason);
+}
+
+static void put_digest(FILE *file, const pm_component *component) {
+    const pm_provenance *of = component->provenance;
+    char verdict[2 * PM_VERDICT_LENGTH];
+    fprintf(file, ",\"weights\":\"%016" PRIx64 "\",\"loss\":%.3g", of->digest, of->loss);
+    if (of->verdict != NULL && of->verdict[0] != '\0') {
+        pm_json_quote(verdict, sizeof verdict, of->verdict);
+        fprintf(file, ",\"verdict\":%s", verdict);
+    }
+    fputs("}", file);
+}
+
+// Writes what is served as JSON: {"scene", "dt", "steps", "integrator", "substeps", "digest",
+// "records", "view", "states", "subsystems": [{"name", "groups": [[name, unit, size, least and
+// largest value of the training where the weights know them]], "weights", "loss", and where the
+// weights know it "verdict" of the fit}], "ports": [{"name", "law", "ends", "weights", "loss",
+// "verdict"}], "inputs": [[name, channel, unit]]}. Names need no quoting.
+static pm_status describe(service *s, char **text) {
+    const pm_scene *scene = s->setup->scene;
+    const pm_physics *physics = &scene->physics;
+    const bool states = !pm_scene_may_report_sums(scene); // else there are too many to list
+    char unit[128];
+    size_t size;
+    pm_scene_variables variables;
+    PM_TRY(pm_scene_variable_names(&variables, scene, &s->setup->arena));
+    FILE *file = open_memstream(text, &size);
+    if (file == NULL) {
+        return pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
+    }
+    fprintf(file,
+            "{\"scene\":\"%s\",\"dt\":%.17g,\"steps\":%d,\"integrator\":\"%s\",\"substeps\":%d,"
+            "\"digest\":\"%016" PRIx64
+            "\",\"records\":%s,\"view\":%s,\"states\":%s,\"subsystems\":[",
+            scene->name, physics->dt, scene->run.steps, physics->integrator->name,
+            physics->substeps, s->setup->system->digest, s->folder == NULL ? "false" : "true",
+            s->options.control == NULL ? "false" : "true", states ? "true" : "false");
+    for (int i = 0; i < physics->nsubsystem && states; ++i) {
+        const pm_scene_subsystem *subsystem = &physics->subsystem[i];
+        const pm_training_range range = pm_training_range_of(s->setup->system->part[i]);
+        fprintf(file, "%s{\"name\":\"%s\",\"groups\":[", i == 0 ? "" : ",", subsystem->name);
+        for (int g = 0; g < subsystem->layout.ngroup; ++g) {
+            const pm_group *group = &subsystem->layout.group[g];
+            pm_json_quote(unit, sizeof unit, group->unit);
+            fprintf(file, "%s[\"%s\",%s,%d", g == 0 ? "" : ",", group->name, unit, group->size);
+            if (range.low != NULL && isfinite(range.low[g]) && isfinite(range.high[g])) {
+                fprintf(file, ",%.6g,%.6g", range.low[g], range.high[g]);
+            }
+            fputs("]", file);
+        }
+        fputs("]", file);
+        put_digest(file, &s->setup->system->component[i]);
+    }
+    fputs("],\"ports\":[", file);
+    for (int i = 0; i < physics->nport && states; ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        fprintf(file, "%s{\"name\":\"%s\",\"law\":\"%s\",\"ends\":[\"%s\",\"%s\"]",
+                i == 0 ? "" : ",", port->name, port->law, port->between[0], port->between[1]);
+        put_digest(file, &s->setup->system->component[physics->nsubsystem + i]);
+    }
+    fputs("],\"inputs\":[", file);
+    for (int j = 0, n = 0; j < scene->network.nlive_input; ++j) {
+        const pm_scene_live_input *input = &scene->network.live_input[j];
+        for (int k = 0; k < input->count; ++k) {
+            const char *of = "?"; // of the first quantity that it gives
+            for (int i = physics->nprescribed - 1; i >= 0; --i) {
+                of = s->setup->boundary_input.live_id[i] == n ? variables.input.unit[i] : of;
+            }
+            pm_json_quote(unit, sizeof unit, of);
+            fprintf(file, "%s[\"%s\",\"%s\",%s]", n == 0 ? "" : ",", input->name[k], input->channel,
+                    unit);
+            n += 1;
+        }
+    }
+    fputs("]}", file);
+    return fclose(file) == 0 ? PM_OK
+                             : pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
+}
+
+// --- a coordinator ---
+
+enum { MOST_WORDS = 64, MOST_BYTES = 65536 };
+
+// Begins this process anew, with the same command line, number and place.
+static pm_status begin_anew(void) {
+    char *argv[MOST_WORDS] = {NULL}, *line = calloc(1, MOST_BYTES);
+    FILE *file = fopen("/proc/self/cmdline", "r");
+    const size_t length = file == NULL || line == NULL ? 0 : fread(line, 1, MOST_BYTES - 1, file);
+    size_t at = 0;
+    for (int i = 0; i < MOST_WORDS - 1 && at < length; ++i) {
+        argv[i] = line + at;
+        at += strlen(argv[i]) + 1;
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    execv("/proc/self/exe", argv);
+    free(line);
+    return pm_fail(PM_EFILE, "/proc/self/exe: cannot be started again");
+}
+
+pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
+    const pm_scene *scene = setup->scene;
+    const char *url = pm_connect_url(scene, options->url);
+    const bool stays = options->stays, ranks = pm_transport_has_ranks(url);
+    service s = {.setup = setup, .options = *options, .node = *options, .log = &options->log};
+    pm_transport *transport = NULL;
+    char *description = NULL, host[64] = "", name[64];
+    pm_lockstep_coordinator_options own = {.stays = true};
+    pm_status status;
+    (void)gethostname(host, sizeof host - 1);
+    snprintf(name, sizeof name, "process %ld on %.31s", (long)getpid(), host);
+    if (stays) {
+        s.folder = options->record;
+        s.options.quiet = true;
+        PM_TRY_DONE(s.folder == NULL ? PM_OK : pm_options_folder(s.folder));
+        own.want_state = !pm_scene_may_report_sums(scene);
+    } else { // the run begins at once
+        PM_TRY_DONE(pm_observer_open(&s.observer, setup, &s.options));
+        own = pm_observer_attach(&s.observer, setup);
+        own.held = options->held;
+    }
+    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, NULL, &own.checkpoint));
+    own.session =
+        options->session > 0 || options->elsewhere ? options->session : pm_lockstep_session();
+    s.node.session = own.session;
+    s.node.log.json = false; // this process passes their lines on
+    PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
+    PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, setup->system, transport, &own));
+    if (!ranks) {
+        PM_TRY_DONE(describe(&s, &description));
+        const pm_control_service serves = {.context = &s,
+                                           .description = description,
+                                           .views = options->control != NULL,
+                                           .path = s.folder == NULL ? NULL : place,
+                                           .begin = begin_run,
+                                           .end = end_run,
+                                           .reload = check_reload,
+                                           .session = options->address,
+                                           .name = name};
+        PM_TRY_DONE(pm_control_open(&s.control, s.coordinator, &serves));
+    }
+    PM_TRY_DONE(pm_launch_open(&s.launch, scene->network.nprocess, &options->log));
+    if (stays) {
+        const struct sigaction action = {.sa_handler = hang_up, .sa_flags = SA_RESTART};
+        sigaction(SIGHUP, &action, NULL);
+    }
+    status = conduct(&s);
+    if (stays) { // the user ends a service by an interrupt
+        status = status == PM_EINTERRUPTED ? PM_OK : status;
+    } else {
+        status = status == PM_OK ? pm_launch_wait(s.launch, END_GRACE) : status;
+        status =
+            pm_observer_finish(&s.observer, status, pm_lockstep_coordinator_ledger(s.coordinator),
+                               pm_lockstep_coordinator_pace(s.coordinator),
+                               ranks                ? "a rank each, over MPI"
+                               : options->elsewhere ? "over LCM"
+                                                    : "a process each, over LCM");
+    }
+    pm_connect_warn(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
+done:
+    pm_launch_close(s.launch);
+    pm_control_close(s.control);
+    pm_lockstep_coordinator_close(s.coordinator);
+    pm_transport_close(transport);
+    pm_observer_close(&s.observer);
+    free(description);
+    return status == PM_OK && s.reload && *options->stop == 0 ? begin_anew() : status;
 }
 
 // --- the commands ---
@@ -133,10 +501,12 @@ const pm_command pm_command_node = {
 };
 
 static pm_status execute_coordinator(const pm_run_options *options) {
-    pm_setup setup;
+    pm_setup setup = {0};
+    pm_run_options own = *options;
     pm_status status;
+    own.elsewhere = true;
     PM_TRY_DONE(prepare(&setup, options, PM_TO_COORDINATE, "coordinator"));
-    status = pm_serve_coordinator(&setup, options);
+    status = pm_serve_coordinator(&setup, &own);
 done:
     pm_setup_free(&setup);
     return status;
@@ -156,6 +526,41 @@ const pm_command pm_command_coordinator = {
     .examples = "portmetd coordinator configs/double_pendulum.yaml --record run.h5",
     .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY | PM_OPTION_OVERWRITE |
                PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_GATE | PM_OPTION_LOG | PM_OPTION_QUIET,
+               PM_OPTION_HELD | PM_OPTION_LOG | PM_OPTION_QUIET,
     .execute = execute_coordinator,
+};
+
+static pm_status execute_serve(const pm_run_options *options) {
+    pm_setup setup = {0};
+    pm_run_options own = *options;
+    pm_status status;
+    own.stays = true;
+    if (options->control != NULL && strcmp(options->control, "view") != 0) {
+        return pm_fail(PM_EUSAGE, "--control: expected view, found \"%s\"", options->control);
+    }
+    PM_TRY_DONE(prepare(&setup, options, PM_TO_COORDINATE, "serve"));
+    status = pm_serve_coordinator(&setup, &own);
+done:
+    pm_setup_free(&setup);
+    return status;
+}
+
+const pm_command pm_command_serve = {
+    .name = "serve",
+    .summary = "serve a scene: start, hold, step and end runs over LCM",
+    .arguments = "SCENE",
+    .help =
+        "Launches the processes of the scene once, and waits for clients: `portmetd start`,\n"
+        "`pause`, `resume`, `advance`, `set`, `reset`, `stop` and `query`, or any program that\n"
+        "sends control_t over LCM (daemon/WIRE.md). One run is under way at a time. After a run,\n"
+        "and after one that has failed, it waits for the next, as long as it takes. Ctrl-C or\n"
+        "SIGTERM ends the run and the service; SIGHUP reads the scene and its weights again, "
+        "between\n"
+        "two runs. With --record clients may record runs, in that\n"
+        "folder. With --checkpoint a process that is killed within a run goes on; without, the\n"
+        "run fails and the next one can be started.",
+    .examples = "portmetd serve configs/double_pendulum.yaml --record recordings",
+    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
+               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE | PM_OPTION_COMPILED,
+    .execute = execute_serve,
 };

@@ -36,7 +36,7 @@
 #include "study/rollout.h"
 
 #define MOST_STEPS 48    // of a run
-#define LEAST_STEPS 8    // so that three gates lie within it
+#define LEAST_STEPS 8    // so that three holds lie within it
 #define MOST_CPU 1.0     // s, of the run in one process
 #define MOST_EACH 12     // subsystems with a process each; more share BLOCKS processes
 #define BLOCKS 8         // processes of a larger scene
@@ -59,7 +59,7 @@
 // Which subsystems share a process.
 typedef enum cut { EACH, TOGETHER, HALVES, EVERY_OTHER } cut;
 
-// Each of these is done to a run while it goes on. All but SMOOTH hold it at gates.
+// Each of these is done to a run while it goes on. All but SMOOTH hold it at steps.
 typedef enum disturbance { SMOOTH, KILLS, KILLS_COORDINATOR, STOPS, CONTINUES } disturbance;
 
 typedef struct trial {
@@ -90,18 +90,19 @@ static const trial trials[] = {
     {.name = "killed as a whole, continued from checkpoints", .disturbance = CONTINUES},
     {.name = "the last process with the weights of --other", .other = true},
 };
-enum { NTRIAL = sizeof trials / sizeof *trials, NGATE = 3 };
+enum { NTRIAL = sizeof trials / sizeof *trials, NHOLD = 3 };
 
 typedef struct assembly {
     const pm_run_options *options;
     pm_setup setup; // of the scene as it is
     char *text;     // of the scene with the steps of a test
     char folder[64];
-    int steps;         // of each run
-    int shown;         // steps in this process, for the table of ports
-    int count, failed; // runs
-    char first[LINE];  // failure
-    FILE *json;        // NULL: tables are printed
+    int steps;                 // of each run
+    int shown;                 // steps in this process, for the table of ports
+    int count, failed;         // runs
+    char first[LINE];          // failure
+    FILE *json;                // NULL: tables are printed
+    const pm_run_options *run; // of the trial that is disturbed
 } assembly;
 
 // --- a private network ---
@@ -273,17 +274,16 @@ static bool await(const assembly *a, pid_t run, const char *text, int count) {
 
 static bool await_held(const assembly *a, pid_t run, int step) {
     char text[64];
-    snprintf(text, sizeof text, "held after step %d by", step);
+    snprintf(text, sizeof text, "held after step %d\n", step);
     return await(a, run, text, 1);
 }
 
-// Lets the run complete as many steps. What stood in the gate is replaced as a whole.
-static void open_gate(const assembly *a, int step) {
-    char path[PATH_SIZE], made[PATH_SIZE], text[32];
-    snprintf(text, sizeof text, "%d\n", step);
-    if (write_file(in_folder(a, made, "gate.new"), text, strlen(text), 0666) == PM_OK) {
-        (void)rename(made, in_folder(a, path, "gate"));
-    }
+// Lets the run complete as many steps.
+static void go_on(const assembly *a, int step) {
+    pm_run_options options = *a->run;
+    options.steps = step;
+    options.quiet = true;
+    (void)pm_command_resume.execute(&options);
 }
 
 // Sends a signal to the children of a run: to all, or to the coordinator, or to the nodes. Returns
@@ -318,42 +318,45 @@ static int send_signal(pid_t run, bool coordinator, int most, int number) {
     return count;
 }
 
-// Disturbs a run that is held at the first gate. `why` [LINE] says what is wrong if something is.
+// Disturbs a run that is held at its start. `why` [LINE] says what is wrong if something is.
 static void disturb(const assembly *a, disturbance how, pid_t run, char *why) {
-    int gate[NGATE + 1], deaths = 0;
-    for (int k = 0; k <= NGATE; ++k) {
-        gate[k] = a->steps * (k + 1) / (NGATE + 1);
+    int hold[NHOLD + 1], deaths = 0;
+    for (int k = 0; k <= NHOLD; ++k) {
+        hold[k] = a->steps * (k + 1) / (NHOLD + 1);
     }
+    go_on(a, hold[0]);
     if (how == CONTINUES || how == STOPS) {
-        bool held = await_held(a, run, gate[0]);
-        if (held && how == STOPS) {
+        const bool held = await_held(a, run, hold[0]);
+        if (held && how == CONTINUES) {
+            kill(run, SIGKILL);
+            return;
+        }
+        if (held) {
             send_signal(run, false, 1, SIGSTOP);
-            open_gate(a, gate[1]);
+            go_on(a, hold[1]);
             pause_for(STOPPED);
-            if (count_in(a, "run.err", "held after step", NULL) > 1) {
+            if (count_in(a, "run.err", "held after step", NULL) > 2) {
                 snprintf(why, LINE, "the run went on without a process");
             }
             send_signal(run, false, 1, SIGCONT);
-        } else if (held) {
-            kill(run, SIGKILL);
         }
-        open_gate(a, a->steps);
+        go_on(a, a->steps);
         return;
     }
-    // At every other gate processes die while the run is held, and else on the way to the next.
-    for (int k = 0; k < NGATE && await_held(a, run, gate[k]); ++k) {
+    // At every other hold processes die while the run is held, and else on the way to the next.
+    for (int k = 0; k < NHOLD && await_held(a, run, hold[k]); ++k) {
         if (k % 2 == 1) {
-            open_gate(a, gate[k + 1]);
+            go_on(a, hold[k + 1]);
         }
         deaths += send_signal(run, how == KILLS_COORDINATOR, MOST_EACH, SIGKILL);
         if (!await(a, run, "killed by signal 9 (Killed), started again", deaths)) {
             return;
         }
         if (k % 2 == 0) {
-            open_gate(a, gate[k + 1]);
+            go_on(a, hold[k + 1]);
         }
     }
-    open_gate(a, a->steps);
+    go_on(a, a->steps);
 }
 
 // Waits for a child and returns its exit code; -1: a signal has ended it, or it hangs.
@@ -376,8 +379,8 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     const pm_scene *scene = a->setup.scene;
     const int n = scene->physics.nsubsystem;
     const bool keeps = t->disturbance > SMOOTH && t->disturbance != STOPS;
-    char record[PATH_SIZE], plain[PATH_SIZE], gate[PATH_SIZE], kept[PATH_SIZE], url[LINE],
-        program[PATH_MAX], steps[16], ranks[16], *text = NULL;
+    char record[PATH_SIZE], plain[PATH_SIZE], kept[PATH_SIZE], url[LINE], program[PATH_MAX],
+        steps[16], ranks[16], *text = NULL;
     const char *address = pm_connect_url(scene, a->options->url);
     address = pm_transport_has_ranks(address) ? "udpm://239.255.76.67:7667?ttl=0" : address;
     snprintf(url, sizeof url, "%s%s%s", address,
@@ -416,11 +419,10 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     snprintf(record, sizeof record, "%s/%s%td.h5", a->folder, t->in_process ? "plain" : "run",
              t - trials);
     options.record = record;
-    options.gate = t->disturbance > SMOOTH ? in_folder(a, gate, "gate") : NULL;
+    options.held = t->disturbance > SMOOTH;
     options.checkpoint = keeps ? in_folder(a, kept, "checkpoints") : NULL;
     unlink(in_folder(a, plain, "run.err"));
     unlink(in_folder(a, plain, "run.out"));
-    open_gate(a, a->steps / (NGATE + 1));
     int code;
     if (t->other) {
         // The coordinator and each node start as on hosts of their own, the last with the weights
@@ -470,10 +472,12 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     } else {
         const pid_t run = start(a, &pm_command_run, &options, NULL, "run");
         if (t->disturbance > SMOOTH) {
+            a->run = &options;
             disturb(a, t->disturbance, run, why);
         }
         code = wait_for(a, run, DEADLINE);
         if (t->disturbance == CONTINUES && code == -1) {
+            options.held = false;
             code = wait_for(a, start(a, &pm_command_run, &options, NULL, "run"), DEADLINE);
         }
     }

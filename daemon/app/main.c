@@ -17,7 +17,7 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 46, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 45, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -71,9 +71,6 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
         {PM_OPTION_CHECKPOINT,
          text_option("--checkpoint", "DIR", &run->checkpoint,
                      "keep checkpoints in DIR, and go on from those found there")},
-        {PM_OPTION_GATE,
-         text_option("--gate", "FILE", &run->gate,
-                     "hold the run after the number of steps in FILE until FILE has a larger one")},
         {PM_OPTION_C,
          text_option("--c", "DIR", &run->c_folder, "write a header and a source to DIR")},
         {PM_OPTION_OUTPUT,
@@ -208,6 +205,7 @@ static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *sto
             PM_TRY(pm_options_count(count[i].name, count[i].text, count[i].most, count[i].result));
         }
     }
+    run->address = run->session;
     const pm_status status = helped ? PM_OK : command->execute(run);
     if (status != PM_OK && run->log.json) {
         const pm_journal_field code = {.name = "code", .number = (double)status};

@@ -367,7 +367,7 @@ static void tell_hold(void *context, long step) {
     if (!observer->options->quiet) {
         const pm_journal_field field = {.name = "step", .number = (double)step};
         pm_journal_write(&observer->options->log, PM_JOURNAL_NOTICE, 1, &field,
-                         "held after step %ld by %s", step, observer->options->gate);
+                         "held after step %ld", step);
     }
 }
 
@@ -412,7 +412,6 @@ pm_lockstep_coordinator_options pm_observer_attach(pm_observer *observer, const 
         .steps = setup->scene->run.steps,
         .session = observer->options->session,
         .want_state = observer->options->record != NULL || setup->reference != NULL,
-        .gate = observer->options->gate,
         .replay = setup->replay,
         .replayed = setup->replayed,
         .observer = {.context = observer,

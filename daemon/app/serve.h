@@ -1,5 +1,5 @@
-// A process of a run over LCM: a node, or the coordinator, from the opening of its transport to the
-// end of the run.
+// A process of a run over LCM: a node, or the coordinator of one or many runs, from the opening of
+// its transport to the end of the run.
 #ifndef PM_APP_SERVE_H
 #define PM_APP_SERVE_H
 
@@ -10,10 +10,12 @@
 // (lockstep/node.h), or what opening the transport or the checkpoint returns.
 pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int process_id);
 
-// Coordinates the processes of the setup's scene, which the caller or a user has started. Writes
-// the recording, and prints the tables at the end. Returns the result of the run
-// (lockstep/coordinator.h), or what opening the recording, the transport or the checkpoint
-// returns.
+// Coordinates the processes of the setup's scene, which it launches unless options->elsewhere, and
+// answers clients over LCM. Without options->stays a run begins at once: it writes the recording,
+// prints the tables at the end, and returns the result of the run (lockstep/coordinator.h). With
+// it, it serves the runs that clients start until the user ends it, and returns PM_OK, or PM_ENET
+// if the scene is served already. Else returns what opening the recording, the transport or the
+// checkpoint returns.
 pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options);
 
 #endif

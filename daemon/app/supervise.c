@@ -57,7 +57,7 @@ static pm_status start_all(pm_launch *launch, shared *s) {
         PM_TRY(pm_observer_check_recording(&s->options));
         s->options.session = pm_lockstep_session();
     }
-    s->options.overwrite = true;
+    s->options.overwrite = s->options.elsewhere = true;
     s->options.log.json = false; // this process passes their lines on
     PM_TRY(pm_launch_start(launch, "coordinator", (pm_launch_program){coordinate, s, false},
                            checkpoint));

@@ -147,17 +147,6 @@ static void wait_for(pm_control *control, client *to) {
 
 // --- what is asked ---
 
-// Grants no step beyond `step`; INT64_MAX: no limit. Steps that are granted already are computed.
-// The next tick tells the processes whether they may rest.
-static void hold(pm_lockstep_coordinator *c, int64_t step) {
-    const bool rested = c->phase == PM_COORDINATOR_HELD && c->granted >= c->hold_at;
-    if (rested && step > c->granted && c->pace.begun >= 0) {
-        c->pace.begun += c->endpoint.now - c->held_at; // held time is no delay
-    }
-    c->hold_at = step;
-    c->tick_wanted = c->tick_wanted || step <= c->granted;
-}
-
 // Checks the name of a file in the folder of the service.
 static pm_status check_name(const pm_control *control, const char *name) {
     // A name without slashes, which is not hidden, leads to no other folder.
@@ -184,6 +173,9 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
     if (starts && control->active) {
         return pm_fail(PM_EUSAGE, "run %lld of %s is under way, after step %lld: stop it first",
                        (long long)run->number, control->owner, (long long)c->completed);
+    }
+    if (!c->stays) {
+        return pm_fail(PM_EUSAGE, "this run keeps its states: portmetd serve can change them");
     }
     if (r->nz != 0 && r->nz != c->scene->physics.nz) {
         return pm_fail(PM_EUSAGE, "a state of %d numbers, expected %d", r->nz,
@@ -232,7 +224,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
         pm_live_inputs_set(&c->live, r->live);
     }
     if (r->held || set) {
-        hold(c, c->first);
+        pm_lockstep_coordinator_hold(c, c->first);
     }
     run->session = c->endpoint.session;
     control->active = true;
@@ -337,12 +329,12 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         control->stopping = true;
         // fall through
     case PORTMET_CONTROL_T_PAUSE:
-        hold(c, c->granted);
+        pm_lockstep_coordinator_hold(c, c->granted);
         wait_for(control, from);
         return PM_OK;
     case PORTMET_CONTROL_T_RESUME:
         control->stopping = false;
-        hold(c, r->steps > 0 ? r->steps : INT64_MAX);
+        pm_lockstep_coordinator_hold(c, r->steps > 0 ? r->steps : INT64_MAX);
         return PM_OK;
     case PORTMET_CONTROL_T_ADVANCE:
         if (r->steps < 1) {
@@ -350,7 +342,7 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         }
         from->target = c->endpoint.steps - c->completed > r->steps ? c->completed + r->steps
                                                                    : c->endpoint.steps;
-        hold(c, from->target);
+        pm_lockstep_coordinator_hold(c, from->target);
         wait_for(control, from);
         return PM_OK;
     case PORTMET_CONTROL_T_SET:
@@ -399,7 +391,7 @@ static int64_t own_nonce(const pm_control *control) {
 static pm_drop hear_service(pm_control *control, const portmet_control_t *r) {
     const int64_t own = control->coordinator->endpoint.identity.hello.instance;
     if (r->kind == PORTMET_CONTROL_T_SERVED) {
-        if (r->client == own && r->nonce == own_nonce(control) && control->run.number == 0) {
+        if (r->client == own && r->nonce == own_nonce(control) && control->run.number <= 1) {
             snprintf(control->other, sizeof control->other, "%s",
                      r->sender[0] == 0 ? "another" : r->sender);
         }
@@ -496,13 +488,14 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
 // The run is over. Everybody who waits learns how it ended.
 static void end_run(pm_control *control, pm_status status, const char *message) {
     pm_lockstep_coordinator *c = control->coordinator;
-    char text[PM_TEXT_MAX + 1] = "";
+    char text[PM_TEXT_MAX + 1];
     control->active = false;
-    c->observer = (pm_lockstep_observer){0}; // it is gone after this call
-    status = control->service.end(control->service.context, &control->run, c->completed, status,
-                                  message);
-    if (status != PM_OK) {
-        snprintf(text, sizeof text, "%s", pm_error());
+    snprintf(text, sizeof text, "%s", message);
+    if (c->stays) {
+        c->observer = (pm_lockstep_observer){0}; // it is gone after this call
+        status = control->service.end(control->service.context, &control->run, c->completed, status,
+                                      message);
+        snprintf(text, sizeof text, "%s", status == PM_OK ? "" : pm_error());
     }
     for (int i = 0; i < CLIENTS; ++i) {
         if (control->client[i].waits) {
@@ -512,12 +505,14 @@ static void end_run(pm_control *control, pm_status status, const char *message) 
 }
 
 pm_status pm_control_poll(pm_control *control) {
-    const pm_lockstep_coordinator *c = control->coordinator;
+    pm_lockstep_coordinator *c = control->coordinator;
     const bool held = c->phase == PM_COORDINATOR_HELD;
     if (control->other[0] != 0) {
-        return pm_fail(PM_ENET,
-                       "scene %s is served already, by %s: give this one another --session",
-                       c->scene->name, control->other);
+        return c->stays || c->was_held
+                   ? pm_fail(PM_ENET,
+                             "scene %s is served already, by %s: give this one another --session",
+                             c->scene->name, control->other)
+                   : PM_OK;
     }
     if (control->asks > 0 && c->endpoint.now >= control->ask_at) {
         control->ask_at = c->endpoint.now + SERVE_INTERVAL;
@@ -530,6 +525,9 @@ pm_status pm_control_poll(pm_control *control) {
     } else if (control->active && held &&
                (c->completed >= c->endpoint.steps || control->stopping)) {
         end_run(control, PM_OK, "");
+        if (!c->stays) {
+            pm_lockstep_coordinator_end(c);
+        }
     }
     for (int i = 0; i < CLIENTS && control->waiting > 0; ++i) {
         client *k = &control->client[i];
@@ -562,6 +560,12 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     made->coordinator = coordinator;
     made->service = *service;
     made->asks = SERVE_ASKS + 1; // the last one ends the wait for an answer
+    made->active = !coordinator->stays;
+    if (made->active) { // a run that has started itself
+        made->owner_id = -1; // no client: 0 is one that is free
+        made->run = (pm_control_run){.number = 1, .session = coordinator->endpoint.session};
+        snprintf(made->owner, sizeof made->owner, "%s", service->name);
+    }
     made->largest = (portmet_control_t){.nz = scene->physics.nz, .nlive = scene->network.nlive};
     const portmet_control_reply_t longest = {.npart = scene->physics.nsubsystem,
                                              .nend = 2 * scene->physics.nport,

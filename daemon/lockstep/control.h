@@ -1,4 +1,4 @@
-// The control of a coordinator that stays: it answers the requests of clients (control_t in
+// The control of a coordinator: it answers the requests of clients (control_t in
 // lcmtypes/portmet.lcm), begins runs, holds, steps, resets and ends them, and tells each client
 // when its request is done.
 //
@@ -26,7 +26,8 @@ typedef struct pm_control_run {
 } pm_control_run;
 
 // The owner of the control provides these functions. They are called when a run begins and ends,
-// and upon RELOAD.
+// and upon RELOAD. A coordinator that does not stay has one run, which has begun by itself, and
+// needs none of them.
 typedef struct pm_control_service {
     void *context;
     const char *description; // of what is served, for clients; borrowed
@@ -47,7 +48,7 @@ typedef struct pm_control_service {
     const char *name; // of this service, for others of the same scene; borrowed
 } pm_control_service;
 
-// Opens the control of a coordinator that stays. `service` is copied. PM_ECONFIG: a channel's name
+// Opens the control of a coordinator. `service` is copied. PM_ECONFIG: a channel's name
 // is too long; PM_ENET, PM_ENOMEM.
 pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordinator,
                           const pm_control_service *service);
@@ -55,7 +56,7 @@ void pm_control_close(pm_control *control); // NULL is allowed
 
 // Follows the coordinator: asks at first whether the scene is served already, in the same session;
 // then notes the end of a run, and answers the requests that are done. PM_ENET: it is served
-// already; nothing is answered from then on.
+// already; nothing is answered from then on. A run that nobody has held goes on unanswered.
 pm_status pm_control_poll(pm_control *control);
 
 #endif

@@ -16,12 +16,12 @@
 //            or fluxes that     request for a tick               STEPPING   tick
 //            show progress      no further step may be granted   HELD       tell the observer
 //                               every report of the last step    CLOSING    ledger
-// HELD       a larger number    gate file with a larger number   STEPPING   tick
-//            in the gate file;  every value of the next step     STEPPING   tick
-//            live inputs; the     has arrived
-//            clock              the next step is due             STEPPING   tick
-//                               time to request (endpoint.h)      HELD       tick, as a sign of
-//                               life
+// HELD       somebody who asks  pm_lockstep_coordinator_hold     STEPPING   tick
+//            for more; live     every value of the next step     STEPPING   tick
+//            inputs; the clock    has arrived
+//                               the next step is due             STEPPING   tick
+//                               time to request (endpoint.h),     HELD       tick, as a sign of
+//                                 or to tick (health.h)                     life
 // any of                        1 s passed                       the same   health
 // these                         hello that names another         the same   hello
 // three                           coordinator, or none
@@ -70,11 +70,6 @@
 
 // --- state ---
 
-// Returns true if the gate allows no step beyond those that are granted.
-static bool is_at_gate(const pm_lockstep_coordinator *c) {
-    return c->granted >= c->gate.steps;
-}
-
 static bool is_running(const pm_lockstep_coordinator *c) {
     return c->phase < PM_COORDINATOR_CLOSING;
 }
@@ -85,7 +80,8 @@ static int64_t least(int64_t a, int64_t b) {
 
 // Returns true if no further step is granted until somebody asks for it. The processes then rest.
 static bool may_rest(const pm_lockstep_coordinator *c) {
-    return c->stays && c->granted >= least(c->hold_at, c->endpoint.steps);
+    const int64_t most = least(c->hold_at, c->endpoint.steps);
+    return c->granted >= most && (c->stays || most < c->endpoint.steps);
 }
 
 // Enters a phase. In CLOSING processes receive END if the endpoint's status is PM_OK, and ABORT
@@ -97,7 +93,7 @@ static void enter(pm_lockstep_coordinator *c, pm_coordinator_phase phase) {
     if (phase == PM_COORDINATOR_HELD && c->phase != phase) {
         c->held_at = c->endpoint.now;
         c->flushed = false;
-        if (is_at_gate(c) && c->observer.hold != NULL) {
+        if (may_rest(c) && c->granted < c->endpoint.steps && c->observer.hold != NULL) {
             c->observer.hold(c->observer.context, (long)c->completed);
         }
     }
@@ -120,14 +116,13 @@ static void check(pm_lockstep_coordinator *c, pm_status status) {
 }
 
 // Returns the number of steps that may be granted when the reports of the first `complete` steps
-// have arrived. It is at most `complete` plus the lookahead, and at most the number that the gate,
-// the pace and the live inputs allow. If fluxes show progress, it is also at most a window beyond
-// the slowest process.
+// have arrived. It is at most `complete` plus the lookahead, and at most the number that who holds
+// the run, the pace and the live inputs allow. If fluxes show progress, it is also at most a window
+// beyond the slowest process.
 static int64_t grant_limit(const pm_lockstep_coordinator *c, int64_t complete) {
     const int window = c->scene->network.window;
     int64_t limit = least(complete + c->lookahead, c->endpoint.steps);
-    const int64_t most = least(c->gate.steps, c->hold_at);
-    limit = least(limit, most > complete ? most : complete);
+    limit = least(limit, c->hold_at > complete ? c->hold_at : complete);
     limit = least(limit, pm_pace_limit(&c->pace, c->endpoint.now));
     if (pm_live_inputs_awaited(&c->live) != NULL) {
         limit = least(limit, c->granted);
@@ -150,9 +145,12 @@ static int64_t steps_shown(const pm_lockstep_coordinator *c) {
 
 // --- checkpoint ---
 
-// Lists the numbers of the checkpoint, the steps completed first.
+// Lists the numbers of the checkpoint: first the steps completed, and the step at which the run is
+// held, or -1.
 static void list(pm_lockstep_coordinator *c, pm_serializer *serializer, long *completed) {
+    long hold = c->hold_at == INT64_MAX ? -1 : (long)c->hold_at;
     pm_serializer_put_long(serializer, "completed", completed);
+    pm_serializer_put_long(serializer, "hold", &hold);
     pm_ledger_record(&c->ledger, serializer);
     if (c->observer.record != NULL) {
         c->observer.record(c->observer.context, serializer);
@@ -181,6 +179,7 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
     PM_TRY(pm_snapshot_session(c->checkpoint, &c->checkpoint_key, &session, &found));
     if (!found || (wanted > 0 && wanted != session)) {
         c->checkpoint_state[0] = -1; // no step is complete
+        c->checkpoint_state[1] = c->hold_at == INT64_MAX ? -1 : (double)c->hold_at;
         return pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
                                 c->checkpoint_state);
     }
@@ -191,6 +190,10 @@ static pm_status load_checkpoint(pm_lockstep_coordinator *c, int64_t wanted) {
                        c->checkpoint_state[0], (long long)c->endpoint.steps);
     }
     c->completed = (int64_t)c->checkpoint_state[0];
+    if (c->hold_at < INT64_MAX && c->checkpoint_state[1] < (double)PM_STEPS_MAX) {
+        const double hold = c->checkpoint_state[1];
+        c->hold_at = hold < 0 ? INT64_MAX : (int64_t)hold;
+    }
     if (c->completed < 0) {
         return PM_OK;
     }
@@ -650,7 +653,7 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
         if (c->completed == complete && (last || c->endpoint.now >= c->ledger_at)) {
             PM_TRY(publish_ledger(c, sample));
         }
-        if (c->stays && c->want_state && c->completed == complete) {
+        if (c->want_state && c->completed == complete) {
             const pm_physics *physics = &c->scene->physics;
             const size_t n = (size_t)physics->nsubsystem * sizeof(double);
             memcpy(c->last->z, sample->z, (size_t)physics->nz * sizeof *sample->z);
@@ -668,7 +671,7 @@ static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
 }
 
 // Grants steps first, so that the processes compute them while this one books the complete steps.
-// The run is held when every granted step is complete, since only the gate, the pace or a live
+// The run is held when every granted step is complete, since only who holds it, the pace or a live
 // input withholds the next one.
 static pm_status complete_steps(pm_lockstep_coordinator *c) {
     const bool live = c->scene->network.nlive_input > 0;
@@ -680,9 +683,6 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
                                 pm_report_window_sample(&c->reports, complete));
     }
     // Publish a tick if more steps may be granted than before.
-    if (is_at_gate(c)) {
-        PM_TRY(pm_gate_refresh(&c->gate, c->endpoint.now));
-    }
     if (complete >= c->first) {
         pm_pace_begin(&c->pace, c->endpoint.now);
     }
@@ -806,6 +806,28 @@ void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *c, const pm_lockstep
     }
 }
 
+void pm_lockstep_coordinator_hold(pm_lockstep_coordinator *c, int64_t step) {
+    const bool rested = c->phase == PM_COORDINATOR_HELD && c->granted >= c->hold_at;
+    if (rested && step > c->granted && c->pace.begun >= 0) {
+        c->pace.begun += c->endpoint.now - c->held_at; // held time is no delay
+    }
+    c->hold_at = step;
+    c->was_held = true;
+    c->tick_wanted = c->tick_wanted || step <= c->granted;
+    if (c->checkpoint != NULL && !c->stays && is_running(c)) {
+        c->checkpoint_state[1] = step == INT64_MAX ? -1 : (double)step;
+        check(c, pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
+                                  c->checkpoint_state));
+    }
+}
+
+void pm_lockstep_coordinator_end(pm_lockstep_coordinator *c) {
+    if (is_running(c)) {
+        pm_endpoint_end(&c->endpoint, PM_OK, "");
+        enter(c, PM_COORDINATOR_CLOSING);
+    }
+}
+
 // --- waiting ---
 
 // Writes into `list` [size] the names of the processes whose reports of the next step are missing
@@ -844,7 +866,7 @@ static pm_status request_missing(pm_lockstep_coordinator *c) {
         return publish_tick(c);
     }
     // A process that rests does not ask for a tick that was lost.
-    if (c->stays) {
+    if (c->stays || c->was_held) {
         PM_TRY(publish_tick(c));
     }
     const bool fluxes = c->hears_fluxes && !c->fluxes_requested && c->granted > c->first;
@@ -1042,10 +1064,9 @@ double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *c, double clock) {
     const bool rests = c->phase == PM_COORDINATOR_HELD && may_rest(c);
     const double next =
         rests ? c->ticked_at + pm_rest_interval(c->nremote) : c->endpoint.waiting.next;
-    const double gate = is_at_gate(c) ? c->gate.read_at : INFINITY;
     const double tick = c->tick_wanted ? next_tick(c) : INFINITY;
     const double due = pm_pace_due(&c->pace, c->granted);
-    const double first = fmin(next, fmin(gate, tick));
+    const double first = fmin(next, tick);
     return pm_endpoint_clock(&c->endpoint, due > now ? fmin(first, due) : first);
 }
 
@@ -1084,7 +1105,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->completed = c->booked = -1;
     c->run = 1;
     c->stays = c->waits = given->stays;
-    c->hold_at = c->stays ? 0 : INT64_MAX;
+    c->hold_at = c->stays || given->held ? 0 : INT64_MAX;
+    c->was_held = given->held;
     c->progressed = c->hello_wanted = true;
     c->nremote = system->scene->network.nprocess;
     if (c->endpoint.steps > PM_STEPS_MAX) {
@@ -1116,11 +1138,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
         c->remote[i].coordinator = c;
         PM_TRY_DONE(pm_remote_process_init(&c->remote[i], &c->arena, scene, i));
     }
-    if (c->stays) {
-        PM_TRY_DONE(pm_sample_new(&c->last, scene));
-    }
+    PM_TRY_DONE(pm_sample_new(&c->last, scene));
     c->pace = pm_pace_of(scene);
-    PM_TRY_DONE(pm_gate_init(&c->gate, given->gate));
     PM_TRY_DONE(pm_live_inputs_open(&c->live, scene, &c->arena, transport, given->replay,
                                     given->replayed, &c->endpoint.drops));
     PM_TRY_DONE(load_checkpoint(c, given->session));

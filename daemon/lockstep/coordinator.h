@@ -1,7 +1,7 @@
 // The coordinator of a distributed run: a state machine driven by messages and time (coordinator.c
 // has its table of states). It grants steps to the nodes, assembles every step's reports into a
 // sample, enters the sample in the ledger, and hands it to an observer. No function blocks;
-// pm_lockstep_run_coordinator drives it.
+// the caller waits on its transport and polls it, as pm_lockstep_run_coordinator does.
 //
 // Life cycle: it opens a session and collects the initial state from every node. It then grants
 // steps ahead of the last one that all have completed (lookahead.h) until the last step. It ends
@@ -17,9 +17,9 @@
 // another session, the number of the run and its start takes them to the next run, at the cost of
 // one round of messages. After a failure they join anew.
 //
-// Gate: with a gate (gate.h) it grants no step beyond the one that a file names. While the run is
-// held there it repeats its last tick, which shows the nodes that it is alive. As at any other
-// step, the run fails if a node is silent for longer than the scene's patience.
+// Holding: it grants no step beyond the one that pm_lockstep_coordinator_hold names, which it keeps
+// in its checkpoint. While the run is held there it repeats its last tick, which shows the nodes
+// that it is alive. As at any other step, the run fails if a node is silent for too long.
 //
 // Death and return: with a checkpoint it saves its ledger and its observer's state at the steps at
 // which the nodes save theirs (node.h), and after the last step before END. After a
@@ -30,7 +30,6 @@
 #define PM_LOCKSTEP_COORDINATOR_H
 
 #include "lockstep/endpoint.h"
-#include "lockstep/gate.h"
 #include "lockstep/health.h"
 #include "lockstep/live_inputs.h"
 #include "lockstep/pace.h"
@@ -51,7 +50,7 @@ typedef struct pm_lockstep_observer {
     // Called when the run pauses because the nodes `silent` (names, separated by commas) are
     // silent, and with "" when it continues. May be NULL.
     void (*pause)(void *context, const char *silent);
-    // Called once each time the gate holds the run: every process waits after `step`. May be NULL.
+    // Called once each time somebody holds the run: every process waits after `step`. May be NULL.
     void (*hold)(void *context, long step);
     // Puts the observer's numbers after its last step into the serializer, or restores them. May be
     // NULL.
@@ -81,8 +80,7 @@ typedef struct pm_lockstep_coordinator_options {
                             // session `session`, or any session where `session` is 0; NULL:
                             // no checkpoints
     bool stays;           // it serves one run after another, and waits for the first
-    const char *gate;     // file with the number of steps that may be granted (gate.h);
-                          // NULL: all of them
+    bool held;            // the run is held at its start, or where its checkpoint says
     const double *replay; // [replayed][scene->nlive] values of the live inputs in each step; NULL:
     int64_t replayed;     // they arrive on their channels
 } pm_lockstep_coordinator_options;
@@ -93,7 +91,7 @@ int64_t pm_lockstep_session(void);
 // Opens a coordinator and subscribes to its channels; it publishes nothing before the first poll.
 // `system`, `transport` and the data that `options` (may be NULL) points to must outlive the
 // coordinator. Nobody may wait on the transport after the coordinator is closed. PM_ECONFIG,
-// PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint or the gate), and what the observer's resume
+// PM_ENET, PM_ENOMEM, PM_EFILE (the checkpoint), and what the observer's resume
 // returns.
 pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
                                        const pm_system *system, pm_transport *transport,
@@ -138,6 +136,12 @@ typedef struct pm_lockstep_order {
 void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *coordinator,
                                    const pm_lockstep_order *order);
 
+// Grants no step beyond `step`; INT64_MAX: no limit. Steps that are granted already are computed.
+void pm_lockstep_coordinator_hold(pm_lockstep_coordinator *coordinator, int64_t step);
+
+// Ends a run well before its last step.
+void pm_lockstep_coordinator_end(pm_lockstep_coordinator *coordinator);
+
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
 
@@ -173,12 +177,13 @@ struct pm_lockstep_coordinator {
     bool waits;           // it stays, and no run has begun since its processes came
     int64_t run;          // number of the run, from 1
     int64_t hold_at;      // steps that may be granted; INT64_MAX: all of them
+    bool was_held;        // somebody has held the run, so that processes may rest
     int64_t first;        // step at whose state the processes joined
     int64_t booked;       // last step that was booked before they did
     bool from_outside;    // their state was set by somebody
     double *start;        // [nz] where the run starts, if it stays and `starts_anywhere`
     bool starts_anywhere; // not where the scene says
-    pm_sample *last;      // of the last step completed, if it stays and `want_state`
+    pm_sample *last;      // of the last step completed, if `want_state`
     double held_at;       // s, when the run was last held
     bool flushed;         // the observer has flushed its files since then
     bool sums;            // reports have sums, and list only some subsystems
@@ -209,7 +214,6 @@ struct pm_lockstep_coordinator {
 
     int nremote;
     pm_remote_process *remote; // [nremote]
-    pm_gate gate;
     pm_pace pace;
     pm_live_inputs live;
     double live_until;  // s, when the observer is told that the run waits for a live input

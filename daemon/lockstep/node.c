@@ -15,8 +15,7 @@
 //                             state proven tick, steps granted, and a  RUNNING   hello
 //                               checkpoint of its session
 //                             patience passed                    FAILING
-//                             proven END (with a checkpoint)     LEAVING   BYE
-//                               or proven ABORT
+//                             proven END or ABORT                LEAVING   BYE
 // RUNNING  a grant; every     tick that grants more              RUNNING   flux of the round
 //          neighbour's flux   every flux of a round is there     RUNNING   flux of the next round
 //          of the round       every round of a step is complete  RUNNING   report: when full, 20 ms
@@ -31,8 +30,7 @@
 //                             hello, tick or command of          RUNNING   hello that names it
 //                               another coordinator; refusal
 //                               that is not proven; END before
-//                               the last step (with a
-//                               checkpoint); a long wait
+//                               the last step; a long wait
 //                             proven tick of another             RUNNING
 //                               coordinator, which becomes
 //                               its coordinator
@@ -624,13 +622,13 @@ static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *c
 }
 
 // True if END or ABORT ends this node. If not, whoever sent it is asked, where that may help. A
-// node that was restarted may not know that the last step is done.
+// node that was restarted may not know that the last step is done, and a client may have stopped the
+// run before.
 static bool may_end(pm_lockstep_node *node, const portmet_command_t *command) {
     const bool proven = pm_identity_is_proven(&node->endpoint.identity, command);
     const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;
-    const bool keeps = node->checkpoints.path != NULL;
     if (proven) {
-        return abort || keeps;
+        return true;
     }
     if (node->phase == PM_NODE_HELLO) {
         ask(node, command->instance);
@@ -642,9 +640,7 @@ static bool may_end(pm_lockstep_node *node, const portmet_command_t *command) {
     if (command->instance == node->coordinator && (abort || done)) {
         return true;
     }
-    if (abort || keeps) {
-        ask(node, command->instance);
-    }
+    ask(node, command->instance);
     return false;
 }
 

@@ -55,11 +55,13 @@ start() {
     started="$started $pid"
 }
 
-# open_gate NAME STEP: lets the run that was started with --gate "$folder/NAME.gate" complete as many
-# steps. What stands there is replaced as a whole.
-open_gate() {
-    echo "$2" >"$folder/$1.gate.new"
-    mv "$folder/$1.gate.new" "$folder/$1.gate"
+# goes_on SCENE [STEP] [OPTION...]: lets the run that is held there go on, until as many steps are complete.
+goes_on() {
+    goes_scene=$1
+    goes_step=${2-}
+    shift $(($# > 1 ? 2 : 1))
+    wait_until "$portmetd" resume "$goes_scene" ${goes_step:+--steps "$goes_step"} --quiet "$@" 2>>"$folder/clients" ||
+        fail "$goes_scene: nobody lets it go on"
 }
 
 # says NAME PATTERN: whether its errors have such a line.
@@ -74,7 +76,7 @@ awaits() {
 
 # held NAME STEP: waits until the run is held there.
 held() {
-    awaits "$1" "portmetd: held after step $2 by"
+    awaits "$1" "portmetd: held after step $2\$"
 }
 
 # ends NAME PID CODE PATTERN: waits for it, and compares exit code and error ("": none). That it

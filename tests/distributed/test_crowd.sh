@@ -21,14 +21,14 @@ END
 now() { cut -d ' ' -f 1 /proc/uptime; }
 took() { awk -v from="$1" -v to="$(now)" 'BEGIN { printf "%.1f s", to - from }'; }
 
-open_gate crowd 1
 began=$(now)
-start crowd run "$folder/scene_crowd.yaml" --record "$folder/crowd.h5" --gate "$folder/crowd.gate"
-wait_until says crowd "held after step 1 by" || fail "the crowd never made a step"
+start crowd run "$folder/scene_crowd.yaml" --record "$folder/crowd.h5" --held
+goes_on "$folder/scene_crowd.yaml" 1
+wait_until says crowd "held after step 1\$" || fail "the crowd never made a step"
 [ "$(children $pid | wc -w)" -ge "$count" ] || fail "expected $count processes"
 first=$(took "$began")
 began=$(now)
-open_gate crowd "$steps"
+goes_on "$folder/scene_crowd.yaml"
 ends crowd $pid 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/crowd.h5" || fail "other bits than in one process"
 echo "$count processes: start and first step $first, the other steps of $steps and the end $(took "$began"); CPU time:"

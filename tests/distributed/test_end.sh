@@ -19,16 +19,16 @@ more_datagrams_than() {
     [ "$(datagrams)" -gt "$1" ]
 }
 
-# by_hand NAME SCENE SESSION GATE: two nodes and a coordinator, whose process ids are then in $NAME_left,
+# by_hand NAME SCENE SESSION STEP: two nodes and a coordinator, whose process ids are then in $NAME_left,
 # $NAME_right and $NAME_coordinator; held after step GATE.
 by_hand() {
-    open_gate "$1" "$4"
     for node in left right; do
         start "$1_$node" node "$2" $node --session "$3"
         eval "$1_$node=$pid"
     done
-    start "$1" coordinator "$2" --steps $forever --session "$3" --gate "$folder/$1.gate"
+    start "$1" coordinator "$2" --steps $forever --session "$3" --held
     eval "$1_coordinator=$pid"
+    goes_on "$2" "$4" --session "$3"
     held "$1" "$4"
 }
 
@@ -42,12 +42,12 @@ start second_left node "$scene" left
 ends second_left $pid 7 "there is a node left of scene pair already"
 start right node "$scene" right
 right=$pid
-open_gate coordinator 5
-start coordinator coordinator "$scene" --steps $forever --gate "$folder/coordinator.gate"
+start coordinator coordinator "$scene" --steps $forever --held
 coordinator=$pid
+goes_on "$scene" 5
 held coordinator 5
-for gate in 5 $forever; do
-    open_gate coordinator $gate
+for hold in 5 $forever; do
+    goes_on "$scene" $hold
     start third_left node "$scene" left
     ends third_left $pid 7 "node left"
     start second_coordinator coordinator "$scene" --quiet
@@ -91,22 +91,22 @@ lonely_coordinator=$pid
 export OPENBLAS_NUM_THREADS=1
 # begin: a run that is held after step 20; its process ids in $run, $left and $right.
 begin() {
-    open_gate run 20
-    start run run "$scene" --steps $forever --gate "$folder/run.gate"
+    start run run "$scene" --steps $forever --held
     run=$pid
+    goes_on "$scene" 20
     held run 20
     find_child $run left
     left=$victim
     find_child $run right
     right=$victim
 }
-for gate in 20 $forever; do
+for hold in 20 $forever; do
     for signal in INT TERM HUP; do
         begin
         for process in $run $left $right; do
             [ "$(ls "/proc/$process/task" | wc -l)" -eq 1 ] || fail "process $process has threads"
         done
-        open_gate run $gate
+        goes_on "$scene" $hold
         kill -$signal $run
         ends run $run 12 "interrupted"
         no_orphans "run after SIG$signal"
@@ -114,9 +114,9 @@ for gate in 20 $forever; do
 done
 
 # A terminal that is closed: with checkpoints nothing starts again, and nohup protects from it.
-open_gate run 20
-start run run "$scene" --steps $forever --gate "$folder/run.gate" --checkpoint "$folder/hung"
+start run run "$scene" --steps $forever --held --checkpoint "$folder/hung"
 run=$pid
+goes_on "$scene" 20
 held run 20
 find_child $run left
 kill -HUP $victim
@@ -125,22 +125,22 @@ trap '' HUP
 begin
 trap - HUP
 kill -HUP $run $left $right
-open_gate run 40
+goes_on "$scene" 40
 held run 40
 kill -TERM $run
 ends run $run 12 "interrupted"
 no_orphans "run after SIGHUP"
 
 # A node killed, and a node interrupted.
-for gate in 20 $forever; do
+for hold in 20 $forever; do
     begin
-    open_gate run $gate
+    goes_on "$scene" $hold
     kill -KILL $right || fail "no node to kill"
     ends run $run 7 "right"
     no_orphans "run with a killed node"
 
     begin
-    open_gate run $gate
+    goes_on "$scene" $hold
     kill -TERM $left || fail "no node to interrupt"
     ends run $run 12 "left"
     no_orphans "run with an interrupted node"
@@ -174,7 +174,7 @@ ends lonely_left $lonely_left 8 "nodes missing after [0-9.]* s: right"
 # The coordinator says who is missing, and goes on with it.
 awaits sleeper "^portmetd: the run pauses after step 20: no word from right"
 kill -CONT $sleeper_right
-open_gate sleeper 40
+goes_on "$folder/patient.yaml" 40 --session 103
 held sleeper 40
 awaits sleeper "^portmetd: the run goes on"
 kill -INT $sleeper_coordinator

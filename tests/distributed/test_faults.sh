@@ -7,35 +7,35 @@ steps=100
 "$portmetd" run "$scene" --in-process --quiet --steps $steps --record "$folder/plain.h5" ||
     fail "in process"
 
-# A node stopped in the middle of a run: nobody gets on without it, though the gate is opened. The run says
+# A node stopped in the middle of a run: nobody gets on without it, though it is let go. The run says
 # so after seconds; more is tested meanwhile.
 sed '/^time:/i lockstep: {patience: 1000}' "$scene" >"$folder/patient.yaml"
-open_gate paused 50
-start paused run "$folder/patient.yaml" --steps $steps --gate "$folder/paused.gate" --record "$folder/paused.h5"
+start paused run "$folder/patient.yaml" --steps $steps --held --record "$folder/paused.h5"
 paused=$pid
+goes_on "$folder/patient.yaml" 50
 held paused 50
 find_child $paused right
 kill -STOP "$victim" || fail "no node to pause"
-open_gate paused 80
+goes_on "$folder/patient.yaml" 80
 
 # All processes stopped, as by Ctrl-Z or in a frozen container, held and on their way. Each goes on later.
-sed '/^time:/i lockstep: {patience: 4}' "$scene" >"$folder/frozen.yaml"
-for gate in 50 1000000; do
-    open_gate frozen$gate 50
-    start frozen$gate run "$folder/frozen.yaml" --steps 1000000 --gate "$folder/frozen$gate.gate"
-    eval "frozen$gate=$pid"
-    held frozen$gate 50
-    open_gate frozen$gate $gate
+for hold in 50 1000000; do
+    sed "/^time:/i lockstep: {patience: 4}\ns/^scene: .*/scene: frozen$hold/" "$scene" >"$folder/frozen$hold.yaml"
+    start frozen$hold run "$folder/frozen$hold.yaml" --steps 1000000 --held
+    eval "frozen$hold=$pid"
+    goes_on "$folder/frozen$hold.yaml" 50
+    held frozen$hold 50
+    goes_on "$folder/frozen$hold.yaml" $hold
     kill -STOP $pid $(children $pid) || fail "no run to stop"
-    eval "frozen_processes$gate='$pid $(children $pid)'"
+    eval "frozen_processes$hold='$pid $(children $pid)'"
 done
 sleep 6 # longer than their patience
-for gate in 50 1000000; do
-    eval "kill -CONT \$frozen_processes$gate"
-    eval "pid=\$frozen$gate"
+for hold in 50 1000000; do
+    eval "kill -CONT \$frozen_processes$hold"
+    eval "pid=\$frozen$hold"
     sleep 0.2 # the silence of others would be found at once
     kill -INT $pid
-    ends frozen$gate $pid 12 "interrupted"
+    ends frozen$hold $pid 12 "interrupted"
 done
 
 # Without loss.
@@ -56,7 +56,7 @@ says paused "held after step 80" && fail "paused: steps were made without a node
 kill -CONT "$victim"
 held paused 80
 awaits paused "the run goes on"
-open_gate paused $steps
+goes_on "$folder/patient.yaml"
 wait $paused || fail "paused: exit code $?"
 "$same_recording" "$folder/plain.h5" "$folder/paused.h5" || fail "paused"
 
@@ -92,15 +92,15 @@ else
     echo "no nft here: loss is covered by test_lockstep only"
 fi
 
-# No network for a second, in which the run is told to go on; and for longer than the run's patience.
+# No network for a second, in the middle of a run of 2.5 s; and for longer than the run's patience.
+has_begun() {
+    "$portmetd" status "$1" 2>/dev/null | grep -q 'step [1-9]'
+}
 for second in 1 4; do
-    sed "/^time:/i lockstep: {patience: $((second == 1 ? 10 : 2))}" "$scene" >"$folder/down$second.yaml"
-    open_gate down$second 50
-    start down$second run "$folder/down$second.yaml" --steps $steps --gate "$folder/down$second.gate" \
-        --record "$folder/down$second.h5"
-    held down$second 50
+    sed -e "/^time:/i lockstep: {patience: $((second == 1 ? 10 : 2))}" -e 's/dt: /pace: 2, dt: /' "$scene" >"$folder/down$second.yaml"
+    start down$second run "$folder/down$second.yaml" --steps $steps --record "$folder/down$second.h5"
+    wait_until has_begun "$folder/down$second.yaml" || fail "down$second: no step"
     ip link set lo down
-    open_gate down$second $steps
     sleep $second
     ip link set lo up
     ip route add 224.0.0.0/4 dev lo

@@ -52,12 +52,11 @@ ends kept $pid 4 "run.h5: cannot write"
 keeps_its_promise "$folder/kept/run.h5" 200
 
 # A limit that comes after space was reserved lets a write fail halfway. No signal and no crash end the process.
-open_gate halfway 600
-start halfway run "$scene" --in-process --quiet --steps $forever --record "$folder/halfway.h5" --gate \
-    "$folder/halfway.gate"
+start halfway run "$scene" --quiet --steps $forever --record "$folder/halfway.h5" --held
+goes_on "$scene" 600
 wait_until test -s "$folder/halfway.h5" || fail "halfway: no recording"
 prlimit --fsize=1000 --pid $pid
-open_gate halfway $forever
+goes_on "$scene"
 ends halfway $pid 4 "halfway.h5: cannot write.*(File too large)"
 
 # By choice the run goes on to its end, and says so.

@@ -75,13 +75,13 @@ for hosts in 2 3; do
     right=$pid
     record=$folder/hosts_$hosts.h5
     name=hosts_$hosts
-    open_gate $name 100
     start $name coordinator "$folder/scene_patient.yaml" --steps $steps --url "$url" --record "$record" \
-        --gate "$folder/$name.gate"
+        --held
     coordinator=$pid
+    goes_on "$folder/scene_patient.yaml" 100 --url "$url"
     held $name 100
     if cut 2; then
-        open_gate $name 200
+        goes_on "$folder/scene_patient.yaml" 200 --url "$url"
         for hook in input output; do
             wait_until has_lost 2 $hook || fail "nothing was lost: $hook"
         done
@@ -90,10 +90,10 @@ for hosts in 2 3; do
         mend 2
         awaits $name "the run goes on"
     else
-        open_gate $name 200
+        goes_on "$folder/scene_patient.yaml" 200 --url "$url"
     fi
     held $name 200
-    open_gate $name $steps
+    goes_on "$folder/scene_patient.yaml" "" --url "$url"
     ends $name $coordinator 0 ""
     ends left $left 0 ""
     ends right $right 0 ""

@@ -25,14 +25,14 @@ beside() {
     evil=$!
     started="$started $evil"
     wait_until sent 1 0 || fail "no stranger"
-    open_gate "$2" 100
-    start "$2" run "$3" --steps $steps --gate "$folder/$2.gate" --record "$folder/$2.h5"
+    start "$2" run "$3" --steps $steps --held --record "$folder/$2.h5"
+    goes_on "$3" 100
     held "$2" 100
     sent 0 0
     more=$((echoes + 10))
     [ "$1" = echo ] || more=0
     wait_until sent $((rounds + 10)) $more || fail "$2: a silent stranger"
-    open_gate "$2" $steps
+    goes_on "$3"
     wait $pid || fail "$2: among strangers"
     kill $evil
     "$same_recording" "$folder/plain.h5" "$folder/$2.h5" || fail "$2: other bits"
@@ -75,16 +75,16 @@ counted sealed "not authentic"
 "$portmetd" check "$keyed" | grep -q 'key .*pair.key' || fail "check: the key"
 
 # A holder of the key whose clock is an hour fast is named, once, and does no harm.
-open_gate clocks 100
-start clocks run "$keyed" --steps $steps --gate "$folder/clocks.gate" --record "$folder/clocks.h5"
+start clocks run "$keyed" --steps $steps --held --record "$folder/clocks.h5"
 clocks=$pid
+goes_on "$keyed" 100
 held clocks 100
 export LD_PRELOAD=$clock_ahead
 start surplus node "$keyed" left
 unset LD_PRELOAD
 surplus=$pid
 awaits clocks "warning: clock of left@.* differs by 3600 s"
-open_gate clocks $steps
+goes_on "$keyed"
 wait $clocks || fail "clocks: beside a fast clock"
 [ "$(grep -c '^portmetd: warning: clock of left@' "$folder/clocks.err")" -eq 1 ] || fail "clocks: told often"
 counted clocks "ahead of the clock"

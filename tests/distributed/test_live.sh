@@ -7,9 +7,9 @@ configs=$7
 sed -e "s|weights/|$configs/weights/|" -e '/pace:/d' "$configs/live_double_pendulum.yaml" >"$folder/live.yaml"
 
 # A run that begins without its controller waits for it, and says so.
-echo 40 >"$folder/gate"
-start run run "$folder/live.yaml" --steps 120 --gate "$folder/gate" --record "$folder/live.h5"
+start run run "$folder/live.yaml" --steps 120 --held --record "$folder/live.h5"
 run=$pid
+goes_on "$folder/live.yaml" 40
 awaits run "warning: the run waits after step 0 for a message on PIVOT"
 "$swing" &
 controller=$!
@@ -19,7 +19,7 @@ awaits run "held after step 40"
 # The controller is killed and started again.
 kill -KILL $controller
 wait $controller 2>/dev/null
-echo 1000 >"$folder/gate"
+goes_on "$folder/live.yaml"
 awaits run "warning: the run waits after step 4[01] for a message on PIVOT"
 "$swing" &
 controller=$!

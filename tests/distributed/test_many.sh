@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_many.sh PORTMETD MAKE_SCENE SAME_RECORDING [KILLS [STEPS [SEED]]]: 1,000 links in eight processes record the
 # bits that they have in one process, while one datagram in fifty gets lost, and processes and the coordinator are
-# killed at random, in turn on their way to a gate and held there. 1,600 links, whose processes report sums, print the
+# killed at random, in turn on their way to a step and held there. 1,600 links, whose processes report sums, print the
 # tables of one process under the same kills and losses.
 . "$(dirname "$0")/network.sh"
 kills=${4:-4}
@@ -41,7 +41,7 @@ has_lost() {
     [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq "$2" ]
 }
 
-# choices: gates at random steps, one in each of as many equal parts of the run, and when and who is killed.
+# choices: holds at random steps, one in each of as many equal parts of the run, and when and who is killed.
 choices() {
     awk -v seed="$seed" -v kills="$kills" -v steps="$steps" 'BEGIN {
         srand(seed)
@@ -57,14 +57,13 @@ choices() {
 survives() {
     scene_name=$1
     shift
-    open_gate "$scene_name" 0
     start "$scene_name" run "$folder/scene_$scene_name.yaml" --checkpoint "$folder/$scene_name" \
-        --gate "$folder/$scene_name.gate" "$@"
+        --held "$@"
     run=$pid
     deaths=0
     for choice in $(choices); do
         step=${choice%%:*}
-        open_gate "$scene_name" "$step"
+        goes_on "$folder/scene_$scene_name.yaml" "$step"
         find_child $run "${choice##*:}"
         case $choice in *:held:*) held "$scene_name" "$step" ;; esac
         kill -KILL "$victim" || fail "$scene_name: ${choice##*:} was gone before it was killed"
@@ -72,7 +71,7 @@ survives() {
         wait_until has_lost "$scene_name" $deaths || fail "$scene_name: expected $deaths deaths"
         [ $failures -eq 0 ] || finish
     done
-    open_gate "$scene_name" "$steps"
+    goes_on "$folder/scene_$scene_name.yaml"
     wait $run || fail "$scene_name: exit code $?"
     has_lost "$scene_name" "$kills" || fail "$scene_name: expected $kills deaths"
     [ -z "$(ls "$folder/$scene_name")" ] || fail "$scene_name: left $(ls "$folder/$scene_name")"

@@ -29,23 +29,23 @@ repeats() {
 
 # The ABORT of a run that was interrupted does not end the run that continues it, in the same session.
 hears COMMAND
-open_gate first 100
-start first run "$keyed" --steps $steps --checkpoint "$folder/saved" --gate "$folder/first.gate" \
+start first run "$keyed" --steps $steps --checkpoint "$folder/saved" --held \
     --record "$folder/run.h5"
 first=$pid
+goes_on "$keyed" 100
 held first 100
 kill -INT $first
 wait $first
 [ $? -eq 12 ] || fail "first: expected an interrupted run"
 repeats COMMAND 6
-open_gate again 200
-start again run "$keyed" --steps $steps --checkpoint "$folder/saved" --gate "$folder/again.gate" \
+start again run "$keyed" --steps $steps --checkpoint "$folder/saved" --held \
     --record "$folder/run.h5"
 again=$pid
+goes_on "$keyed" 200
 held again 200
 wait $mouth
 cat "$folder/COMMAND.sent"
-open_gate again $steps
+goes_on "$keyed"
 wait $again || fail "again: an old command ended it"
 "$same_recording" "$folder/plain.h5" "$folder/run.h5" || fail "again: other bits"
 

@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_return.sh PORTMETD MAKE_SCENE SAME_RECORDING HEARS_THE_SAME STRANGER [KILLS [STEPS [SEED]]]: nodes and the
 # coordinator are killed at random while a run goes on; it ends with the bits of an undisturbed one, and
-# leaves no process and no file behind. Gates keep the run from being over before it was killed.
+# leaves no process and no file behind. It is held, so that no run is being over before it was killed.
 . "$(dirname "$0")/network.sh"
 kills=${6:-4}
 steps=${7:-800}
@@ -84,53 +84,51 @@ has_lost() {
     [ "$(grep -c 'killed by signal 9 (Killed), started again$' "$folder/$1.err")" -eq "$2" ]
 }
 
-# choices KILLS: gates at random steps, one in each of as many equal parts of the run, when to kill
-# after the gate was opened so far, and whom. Every other kill waits until the run is held.
+# choices KILLS: holds at random steps, one in each of as many equal parts of the run, when to kill
+# after the run was let go so far, and whom. Every other kill waits until the run is held.
 choices() {
     awk -v seed="$seed" -v kills="$1" -v steps="$steps" 'BEGIN {
         srand(seed)
         split("link1 link2 link3 coordinator", who, " ")
         for (i = 0; i < kills; i++) {
-            gate = int(steps * (i + rand()) / (kills + 1))
+            hold = int(steps * (i + rand()) / (kills + 1))
             when = i % 2 ? "held" : sprintf("%.3f", 0.03 * rand())
-            printf "%d:%s:%s ", gate, when, who[1 + int(4 * rand())]
+            printf "%d:%s:%s ", hold, when, who[1 + int(4 * rand())]
         }
     }'
 }
 
-# killed NAME SCENE KILLS: killed at random, on its way to a gate or held there. Whoever was killed may still
+# killed NAME SCENE KILLS: killed at random, on its way to a step or held there. Whoever was killed may still
 # be on its way back when the next one is.
 killed() {
-    open_gate "$1" 0
-    start "$1" run "$2" --steps $steps --checkpoint "$folder/$1" --record "$folder/$1.h5" \
-        --gate "$folder/$1.gate"
+    start "$1" run "$2" --steps $steps --checkpoint "$folder/$1" --record "$folder/$1.h5" --held
     run=$pid
     kills_done=0
-    at_gate=0
+    at_hold=0
     for choice in $(choices "$3"); do
         step=${choice%%:*}
         when=${choice#*:}
         when=${when%:*}
-        open_gate "$1" "$step"
+        goes_on "$2" "$step"
         if [ "$when" = held ]; then
             held "$1" "$step"
         else
-            sleep "$when" # a place at random, anywhere before the gate
+            sleep "$when" # a place at random, anywhere before it
         fi
         find_child $run "${choice##*:}"
-        says "$1" "held after step $step by" && at_gate=$((at_gate + 1))
+        says "$1" "held after step $step\$" && at_hold=$((at_hold + 1))
         kill -KILL "$victim" || fail "$1: ${choice##*:} was gone before it was killed"
         kills_done=$((kills_done + 1))
         wait_until has_lost "$1" $kills_done || fail "$1: expected $kills_done deaths"
         [ $failures -eq 0 ] || return
     done
-    open_gate "$1" $steps
+    goes_on "$2"
     wait $run
     code=$?
     [ $code -eq 0 ] || fail "$1: exit code $code"
     has_lost "$1" "$3" || fail "$1: expected $3 deaths"
     same_end "$1"
-    echo "$1, seed $seed: $kills_done of $3 kills, $((kills_done - at_gate)) between gates, $at_gate at a gate"
+    echo "$1, seed $seed: $kills_done of $3 kills, $((kills_done - at_hold)) on the way, $at_hold held"
 }
 
 asked=$steps
@@ -152,9 +150,9 @@ killed killed "$chain" $kills
 # A run that pauses says so while it does: one process is stopped, not killed. No other run takes its folder.
 # Both take seconds; more is tested meanwhile.
 sed 's/^lockstep: {/&patience: 1000, /' "$chain" >"$folder/pausing.yaml"
-open_gate paused 100
-start paused run "$folder/pausing.yaml" --steps $steps --checkpoint "$folder/paused" --gate "$folder/paused.gate"
+start paused run "$folder/pausing.yaml" --steps $steps --checkpoint "$folder/paused" --held
 paused=$pid
+goes_on "$folder/pausing.yaml" 100
 held paused 100
 find_child $paused link2
 stopped=$victim
@@ -162,14 +160,13 @@ kill -STOP "$stopped"
 start second run "$folder/pausing.yaml" --steps 10 --checkpoint "$folder/paused"
 second=$pid
 
-# The run itself is killed, on its way from a gate: its processes end, and the same command goes on with it.
+# The run itself is killed, on its way: its processes end, and the same command goes on with it.
 middle=$((steps / 2))
-open_gate first $middle
-start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5" \
-    --gate "$folder/first.gate"
+start first run "$chain" --steps $steps --checkpoint "$folder/again" --record "$folder/again.h5" --held
 run=$pid
+goes_on "$chain" $middle
 held first $middle
-open_gate first $((steps - 1))
+goes_on "$chain" $((steps - 1))
 kill -KILL $run
 wait $run
 wait_until has_no_processes scene || fail "again: processes have outlived their run"
@@ -182,25 +179,24 @@ same_end again
 by_hand() {
     if [ "$1" = coordinator ]; then
         start "$1" coordinator "$chain" --steps $steps --checkpoint "$folder/hand" \
-            --record "$folder/hand.h5" --gate "$folder/hand.gate"
+            --record "$folder/hand.h5" --held
     else
         start "$1" node "$chain" "$1" --checkpoint "$folder/hand"
     fi
     eval "$1=$pid"
 }
-open_gate hand 0
 for name in link1 link2 link3 coordinator; do
     by_hand $name
 done
 for choice in $((steps / 4)):link2 $((steps / 2)):coordinator $((steps * 3 / 4)):link1; do
-    open_gate hand "${choice%:*}"
+    goes_on "$chain" "${choice%:*}"
     name=${choice#*:}
     # The coordinator on its way, which nobody but itself could tell of.
     [ $name = coordinator ] || held coordinator "${choice%:*}"
     eval "kill -KILL \$$name" || fail "by hand: $name was gone before it was killed"
     by_hand $name
 done
-open_gate hand $steps
+goes_on "$chain"
 for name in coordinator link1 link2 link3; do
     eval "ends $name \$$name 0 ''"
 done

@@ -33,12 +33,12 @@ ends run $pid 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/lcm.h5" || fail "other bits over LCM"
 
 # Killed two steps after a checkpoint: the stiffness may belong to a state of long before.
-open_gate killed 14
-start killed run "$folder/solid.yaml" --checkpoint "$folder/kept" --gate "$folder/killed.gate" --record "$folder/killed.h5"
+start killed run "$folder/solid.yaml" --checkpoint "$folder/kept" --held --record "$folder/killed.h5"
+goes_on "$folder/solid.yaml" 14
 held killed 14
 find_child $pid body
 kill -KILL "$victim" || fail "nobody to kill"
-open_gate killed 20
+goes_on "$folder/solid.yaml"
 wait $pid || fail "killed: exit code $?"
 says killed "body.*started again" || fail "killed: nobody started again"
 "$same_recording" "$folder/plain.h5" "$folder/killed.h5" || fail "other bits after a kill"
@@ -66,13 +66,12 @@ start pair run "$folder/pair.yaml" --quiet --record "$folder/pair_lcm.h5"
 ends pair $pid 0 ""
 "$same_recording" "$folder/pair.h5" "$folder/pair_lcm.h5" || fail "pair: other bits over LCM"
 for victim_name in lower gap; do
-    open_gate pair_killed 14
-    start pair_killed run "$folder/pair.yaml" --checkpoint "$folder/kept_$victim_name" --gate "$folder/pair_killed.gate" \
+    start pair_killed run "$folder/pair.yaml" --checkpoint "$folder/kept_$victim_name" --held \
         --record "$folder/pair_killed.h5" --overwrite
     held pair_killed 14
     find_child $pid $victim_name
     kill -KILL "$victim" || fail "nobody to kill"
-    open_gate pair_killed 16
+    goes_on "$folder/pair.yaml"
     wait $pid || fail "pair_killed: exit code $?"
     "$same_recording" "$folder/pair.h5" "$folder/pair_killed.h5" || fail "pair: other bits after $victim_name was killed"
 done

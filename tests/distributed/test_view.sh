@@ -57,9 +57,9 @@ client listen scene
 expect "m['name'] == 'pair' and [n['name'] for n in m['nodes']][:2] == ['left', 'right']"
 expect "m['edges'][0] == {'name': 'joint', 'a': 0, 'b': 1, 'count': 1} and m['recording'] is None"
 "$portmetd" run "$scene" --in-process --quiet --steps 30 --record "$folder/plain.h5" || fail "plain run"
-echo 20 >"$folder/run.gate"
-start run run "$scene" --steps 30 --gate "$folder/run.gate" --record "$folder/run.h5"
+start run run "$scene" --steps 30 --held --record "$folder/run.h5"
 run=$pid
+goes_on "$scene" 20
 held run 20
 wait_until shows_step 20 || fail "the frame of step 20 never came: $(head -c 500 "$folder/client.out")"
 expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
@@ -80,7 +80,7 @@ port=9870
 client datagram power &
 listening=$!
 wait_until grep -q '^ *[0-9]*: 0100007F:268E ' /proc/net/udp || fail "nobody listens at port 9870"
-open_gate run 30
+goes_on "$scene"
 wait $listening || fail "no datagram"
 expect "m['pair']['power']['joint'] != 0 and m['timestamp'] > 0 and set(m['pair']['energy']) == {'left', 'right'}"
 port=8080

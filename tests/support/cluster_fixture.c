@@ -89,7 +89,7 @@ static void add_coordinator(cluster *c) {
                      .hold = tell_hold,
                      .record = put_steps,
                      .resume = resume},
-        .gate = c->gate,
+        .held = c->held,
         .stays = c->stays,
         .checkpoint = checkpoint_of(c, c->count),
     };

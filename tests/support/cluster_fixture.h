@@ -33,7 +33,7 @@ typedef struct cluster {
     long (*count_allocations)(void); // NULL: allocations are not counted
     char silent[64];                 // the nodes that the coordinator last called silent
     int pauses;                      // calls of the observer's pause
-    const char *gate;                // NULL: none
+    bool held;                       // the run is held at its start
     bool stays;                      // coordinator and nodes serve one run after another
     long held_at;                    // the step of the last call of the observer's hold
     int holds;                       // calls of the observer's hold

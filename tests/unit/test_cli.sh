@@ -178,7 +178,8 @@ succeed "left.q[0]" run "$scene" --copies 1 --starts "$folder/copies.h5" --steps
 succeed "of 70 copies, 0 of which" run "$scene" --copies 70 --steps 2
 expect 5 "trajectories, and 9 copies" run "$scene" --copies 9 --starts "$folder/reference.h5"
 expect 4 "copies.h5" run "$scene" --copies 2 --record "$folder/copies.h5"
-expect 2 "--copies" run "$scene" --copies 2 --gate "$folder/gate"
+expect 2 "--copies" run "$scene" --copies 2 --held
+expect 2 "--held for clients" run "$scene" --in-process --held
 expect 2 "--copies" run "$scene" --copies 0
 export XDG_CACHE_HOME="$folder/cache"
 succeed "0.000 %" run "$scene" --in-process --compiled
