@@ -60,6 +60,7 @@ enum {
     PM_OPTION_QUIET = 1 << 5,
     PM_OPTION_SESSION = 1 << 6,
     PM_OPTION_CHECKPOINT = 1 << 7,
+    PM_OPTION_TOGETHER = 1 << 8, // --in-process, of a service
     PM_OPTION_C = 1 << 9,
     PM_OPTION_OUTPUT = 1 << 10,
     PM_OPTION_OVERWRITE = 1 << 11,

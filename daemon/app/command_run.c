@@ -24,10 +24,6 @@ static bool is_interrupted(const pm_observer *observer) {
     return observer->options->stop != NULL && *observer->options->stop != 0;
 }
 
-static void pause_for(double seconds) {
-    nanosleep(&(struct timespec){.tv_nsec = (long)(1e9 * seconds)}, NULL);
-}
-
 // Takes all steps, as the pace allows. PM_EINTERRUPTED.
 static pm_status step_to_the_end(pm_local_run *run, pm_pace *pace,
                                  const pm_lockstep_observer *tell) {
@@ -37,7 +33,8 @@ static pm_status step_to_the_end(pm_local_run *run, pm_pace *pace,
     while (run->sample.step < run->setup->scene->run.steps) {
         const double due = pm_pace_due(pace, run->sample.step);
         for (double now = pm_clock(); now < due && !is_interrupted(observer); now = pm_clock()) {
-            pause_for(due - now < WATCH_INTERVAL ? due - now : WATCH_INTERVAL);
+            const double wait = due - now < WATCH_INTERVAL ? due - now : WATCH_INTERVAL;
+            nanosleep(&(struct timespec){.tv_nsec = (long)(1e9 * wait)}, NULL);
         }
         if (is_interrupted(observer)) {
             return pm_fail(PM_EINTERRUPTED, "interrupted");

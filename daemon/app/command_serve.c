@@ -31,31 +31,64 @@
 #define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
 #define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
+// Writes a warning to `log` if messages were dropped that no process of this scene sends:
+// their number, and the reasons. `drops` are the counts of the state machine on this transport.
+static void warn_of_drops(const pm_transport *transport, const pm_drops *drops,
+                          const pm_journal *log) {
+    // A best-effort network, or another run of the same scene, causes other drops; they do not
+    // count.
+    const pm_drops *below = pm_transport_drops(transport);
+    char list[256];
+    size_t used = 0;
+    long total = 0;
+    for (int i = 0; i < PM_NDROP; ++i) {
+        const pm_drop drop = (pm_drop)i;
+        const long count = pm_drop_is_strange(drop) ? drops->count[i] + below->count[i] : 0;
+        if (count > 0 && used < sizeof list) {
+            const int length = snprintf(list + used, sizeof list - used, "%s%ld %s",
+                                        total > 0 ? ", " : "", count, pm_drop_name(drop));
+            used += length < 0 ? 0 : (size_t)length;
+        }
+        total += count;
+    }
+    if (total > 0) {
+        const pm_journal_field count = {.name = "dropped", .number = (double)total};
+        pm_journal_write(log, PM_JOURNAL_WARNING, 1, &count, "messages dropped: %s", list);
+    }
+}
+
 static void tell_alive(void *context, int64_t step) {
     (void)context;
     pm_notify("WATCHDOG=1\nSTATUS=step %lld", (long long)step);
+}
+
+// Opens the node of a process on a transport.
+static pm_status open_node(pm_lockstep_node **node, pm_setup *setup, const pm_run_options *options,
+                           int process_id, pm_transport *transport) {
+    const char *name = setup->scene->network.process[process_id].name;
+    pm_lockstep_node_options node_options = {
+        .z = setup->initial,
+        .session = options->session,
+        .stays = options->stays,
+        .alive = options->in_process ? NULL : tell_alive,
+        .boundary_input = &setup->boundary_input,
+        .live = setup->live,
+    };
+    PM_TRY(pm_prepare_checkpoint(setup, options, name, &node_options.checkpoint));
+    return pm_lockstep_node_open(node, setup->system, process_id, transport, &node_options);
 }
 
 pm_status pm_serve_node(pm_setup *setup, const pm_run_options *options, int process_id) {
     const char *name = setup->scene->network.process[process_id].name;
     pm_transport *transport = NULL;
     pm_lockstep_node *node = NULL;
-    pm_lockstep_node_options node_options = {
-        .z = setup->initial,
-        .session = options->session,
-        .stays = options->stays,
-        .alive = tell_alive,
-        .boundary_input = &setup->boundary_input,
-        .live = setup->live,
-    };
     pm_status status;
-    PM_TRY_DONE(pm_prepare_checkpoint(setup, options, name, &node_options.checkpoint));
     PM_TRY_DONE(pm_connect_open(&transport, setup->scene,
                                 pm_connect_url(setup->scene, options->url), name, &options->log));
-    PM_TRY_DONE(pm_lockstep_node_open(&node, setup->system, process_id, transport, &node_options));
+    PM_TRY_DONE(open_node(&node, setup, options, process_id, transport));
     pm_notify("READY=1");
     status = pm_lockstep_run_node(node, options->stop);
-    pm_connect_warn(transport, pm_lockstep_node_drops(node), &options->log);
+    warn_of_drops(transport, pm_lockstep_node_drops(node), &options->log);
     if (options->coordinator_speaks && status != PM_OK && status != PM_ETIMEOUT) {
         status = pm_fail(status, "%s", "");
     }
@@ -87,9 +120,11 @@ typedef struct service {
     bool runs;   // a run of a client is under way
     bool reload; // this process is to begin anew
     pm_launch *launch;
-    pm_run_options node; // options of the nodes
-    int next;            // node that is to be launched; the coordinator answers those before it
-    double at;           // s, when the last one was
+    pm_lockstep_node *inside; // the only node, in this process, on the coordinator's transport;
+                              // NULL: nodes have processes of their own
+    pm_run_options node;      // options of the nodes
+    int next;  // node that is to be launched; the coordinator answers those before it
+    double at; // s, when the last one was
 } service;
 
 // The life of a node.
@@ -116,27 +151,8 @@ static pm_status check_reload(void *context) {
     return status;
 }
 
-// Starts another node. Nodes share the cores, and each has to start within its patience: so another
-// one starts as long as few of those before have yet to say hello.
-static pm_status launch_some(service *s) {
-    const pm_network *network = &s->setup->scene->network;
-    while (s->next < network->nprocess &&
-           (s->next - pm_lockstep_coordinator_present(s->coordinator) < MOST_STARTING ||
-            pm_clock() > s->at + LAUNCH_INTERVAL)) {
-        const char *name = network->process[s->next].name, *progress = NULL;
-        if (s->node.stays) { // a node that is killed starts again
-            PM_TRY(pm_prepare_checkpoint(s->setup, &s->node, name, &progress));
-            progress = progress == NULL ? s->setup->scene->path : progress;
-        }
-        PM_TRY(pm_launch_start(s->launch, name, (pm_launch_program){serve_node, s, s->node.stays},
-                               progress));
-        s->next += 1;
-        s->at = pm_clock();
-    }
-    return PM_OK;
-}
-
-// Looks at the children, the stop flag and SIGHUP. A failure ends the coordinator.
+// Looks at the children, the stop flag and SIGHUP, and starts more nodes. A failure ends the
+// coordinator.
 static pm_status watch(service *s, int *deaths) {
     const int before = *deaths;
     const bool stays = s->node.stays;
@@ -152,8 +168,27 @@ static pm_status watch(service *s, int *deaths) {
         pm_lockstep_coordinator_fail(s->coordinator, PM_ENET,
                                      "a process was killed, and the run keeps no checkpoints");
     }
-    return *s->node.stop || (s->reload && !s->runs) ? pm_fail(PM_EINTERRUPTED, "interrupted")
-                                                    : status;
+    if (*s->node.stop || (s->reload && !s->runs)) {
+        return pm_fail(PM_EINTERRUPTED, "interrupted");
+    }
+    // Nodes share the cores, and each has to start within its patience: so another one starts as
+    // long as few of those before have yet to say hello.
+    const pm_network *network = &s->setup->scene->network;
+    const int most = s->node.elsewhere || s->inside != NULL ? 0 : network->nprocess;
+    while (status == PM_OK && s->next < most &&
+           (s->next - pm_lockstep_coordinator_present(s->coordinator) < MOST_STARTING ||
+            pm_clock() > s->at + LAUNCH_INTERVAL)) {
+        const char *name = network->process[s->next].name, *progress = NULL;
+        if (stays) { // a node that is killed starts again
+            PM_TRY(pm_prepare_checkpoint(s->setup, &s->node, name, &progress));
+            progress = progress == NULL ? s->setup->scene->path : progress;
+        }
+        PM_TRY(
+            pm_launch_start(s->launch, name, (pm_launch_program){serve_node, s, stays}, progress));
+        s->next += 1;
+        s->at = pm_clock();
+    }
+    return status;
 }
 
 // Runs the coordinator's loop, and watches the children: until the run is over, or, if it stays,
@@ -188,8 +223,10 @@ static pm_status conduct(service *s) {
             ready = true;
             pm_notify("READY=1");
         }
-        PM_TRY(first == PM_OK && !s->node.elsewhere ? launch_some(s) : PM_OK);
-        const double next = pm_lockstep_coordinator_poll(coordinator, now);
+        double next = pm_lockstep_coordinator_poll(coordinator, now);
+        if (s->inside != NULL) {
+            next = fmin(next, pm_lockstep_node_poll(s->inside, now));
+        }
         if (s->control != NULL && pm_control_poll(s->control) != PM_OK && first == PM_OK) {
             first = PM_ENET;
             snprintf(reason, sizeof reason, "%s", pm_error());
@@ -350,24 +387,6 @@ static pm_status describe(service *s, char **text) {
 
 enum { MOST_WORDS = 64, MOST_BYTES = 65536 };
 
-// Begins this process anew, with the same command line, number and place.
-static pm_status begin_anew(void) {
-    char *argv[MOST_WORDS] = {NULL}, *line = calloc(1, MOST_BYTES);
-    FILE *file = fopen("/proc/self/cmdline", "r");
-    const size_t length = file == NULL || line == NULL ? 0 : fread(line, 1, MOST_BYTES - 1, file);
-    size_t at = 0;
-    for (int i = 0; i < MOST_WORDS - 1 && at < length; ++i) {
-        argv[i] = line + at;
-        at += strlen(argv[i]) + 1;
-    }
-    if (file != NULL) {
-        fclose(file);
-    }
-    execv("/proc/self/exe", argv);
-    free(line);
-    return pm_fail(PM_EFILE, "/proc/self/exe: cannot be started again");
-}
-
 pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
     const pm_scene *scene = setup->scene;
     const char *url = pm_connect_url(scene, options->url);
@@ -396,6 +415,9 @@ pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
     s.node.log.json = false; // this process passes their lines on
     PM_TRY_DONE(pm_connect_open(&transport, scene, url, "coordinator", &options->log));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&s.coordinator, setup->system, transport, &own));
+    if (stays && options->in_process) {
+        PM_TRY_DONE(open_node(&s.inside, setup, &s.node, 0, transport));
+    }
     if (!ranks) {
         PM_TRY_DONE(describe(&s, &description));
         const pm_control_service serves = {.context = &s,
@@ -426,15 +448,33 @@ pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
                                : options->elsewhere ? "over LCM"
                                                     : "a process each, over LCM");
     }
-    pm_connect_warn(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
+    warn_of_drops(transport, pm_lockstep_coordinator_drops(s.coordinator), &options->log);
 done:
     pm_launch_close(s.launch);
+    pm_lockstep_node_close(s.inside);
     pm_control_close(s.control);
     pm_lockstep_coordinator_close(s.coordinator);
     pm_transport_close(transport);
     pm_observer_close(&s.observer);
     free(description);
-    return status == PM_OK && s.reload && *options->stop == 0 ? begin_anew() : status;
+    if (status != PM_OK || !s.reload || *options->stop != 0) {
+        return status;
+    }
+    // This process begins anew, with the same command line, number and place.
+    char *argv[MOST_WORDS] = {NULL}, *line = calloc(1, MOST_BYTES);
+    FILE *file = fopen("/proc/self/cmdline", "r");
+    const size_t length = file == NULL || line == NULL ? 0 : fread(line, 1, MOST_BYTES - 1, file);
+    size_t at = 0;
+    for (int i = 0; i < MOST_WORDS - 1 && at < length; ++i) {
+        argv[i] = line + at;
+        at += strlen(argv[i]) + 1;
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    execv("/proc/self/exe", argv);
+    free(line);
+    return pm_fail(PM_EFILE, "/proc/self/exe: cannot be started again");
 }
 
 // --- the commands ---
@@ -538,6 +578,10 @@ static pm_status execute_serve(const pm_run_options *options) {
     if (options->control != NULL && strcmp(options->control, "view") != 0) {
         return pm_fail(PM_EUSAGE, "--control: expected view, found \"%s\"", options->control);
     }
+    if (options->in_process && (options->checkpoint != NULL || options->elsewhere)) {
+        return pm_fail(PM_EUSAGE, "serve: --checkpoint and --elsewhere are for processes that may "
+                                  "die one by one, not for --in-process");
+    }
     PM_TRY_DONE(prepare(&setup, options, PM_TO_COORDINATE, "serve"));
     status = pm_serve_coordinator(&setup, &own);
 done:
@@ -558,9 +602,12 @@ const pm_command pm_command_serve = {
         "between\n"
         "two runs. With --record clients may record runs, in that\n"
         "folder. With --checkpoint a process that is killed within a run goes on; without, the\n"
-        "run fails and the next one can be started.",
-    .examples = "portmetd serve configs/double_pendulum.yaml --record recordings",
+        "run fails and the next one can be started. With --in-process and --compiled a single\n"
+        "step takes least.",
+    .examples = "portmetd serve configs/double_pendulum.yaml --record recordings\n"
+                "portmetd serve configs/double_pendulum.yaml --in-process --compiled",
     .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE | PM_OPTION_COMPILED,
+               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE | PM_OPTION_COMPILED |
+               PM_OPTION_TOGETHER,
     .execute = execute_serve,
 };

@@ -98,26 +98,3 @@ done:
     pm_transport_close(opened);
     return status;
 }
-
-void pm_connect_warn(const pm_transport *transport, const pm_drops *drops, const pm_journal *log) {
-    // A best-effort network, or another run of the same scene, causes other drops; they do not
-    // count.
-    const pm_drops *below = pm_transport_drops(transport);
-    char list[256];
-    size_t used = 0;
-    long total = 0;
-    for (int i = 0; i < PM_NDROP; ++i) {
-        const pm_drop drop = (pm_drop)i;
-        const long count = pm_drop_is_strange(drop) ? drops->count[i] + below->count[i] : 0;
-        if (count > 0 && used < sizeof list) {
-            const int length = snprintf(list + used, sizeof list - used, "%s%ld %s",
-                                        total > 0 ? ", " : "", count, pm_drop_name(drop));
-            used += length < 0 ? 0 : (size_t)length;
-        }
-        total += count;
-    }
-    if (total > 0) {
-        const pm_journal_field count = {.name = "dropped", .number = (double)total};
-        pm_journal_write(log, PM_JOURNAL_WARNING, 1, &count, "messages dropped: %s", list);
-    }
-}

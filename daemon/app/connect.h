@@ -30,8 +30,4 @@ pm_status pm_connect_listener(const pm_scene *scene, const char *url, const char
 pm_status pm_connect_open(pm_transport **transport, const pm_scene *scene, const char *address,
                           const char *name, const pm_journal *log);
 
-// Writes a warning to `log` if messages were dropped that no process of this scene sends:
-// their number, and the reasons. `drops` are the counts of the state machine on this transport.
-void pm_connect_warn(const pm_transport *transport, const pm_drops *drops, const pm_journal *log);
-
 #endif

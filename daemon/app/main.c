@@ -17,7 +17,7 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 45, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 46, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -59,6 +59,10 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
          {.name = "--in-process",
           .on = &run->in_process,
           .help = "all subsystems in this process, without LCM"}},
+        {PM_OPTION_TOGETHER,
+         {.name = "--in-process",
+          .on = &run->in_process,
+          .help = "all subsystems in this process: only what clients ask for crosses the network"}},
         {PM_OPTION_IN_PROCESS,
          text_option("--copies", "N", &given->copies,
                      "run N copies of the scene in this process, and compare their ends")},

@@ -387,21 +387,6 @@ static int64_t own_nonce(const pm_control *control) {
     return (control->coordinator->endpoint.identity.hello.nonce & (MOST_NONCE - 1)) | 1;
 }
 
-// A service asks, or answers. The one that is older answers.
-static pm_drop hear_service(pm_control *control, const portmet_control_t *r) {
-    const int64_t own = control->coordinator->endpoint.identity.hello.instance;
-    if (r->kind == PORTMET_CONTROL_T_SERVED) {
-        if (r->client == own && r->nonce == own_nonce(control) && control->run.number <= 1) {
-            snprintf(control->other, sizeof control->other, "%s",
-                     r->sender[0] == 0 ? "another" : r->sender);
-        }
-    } else if (r->client != own && (control->asks == 0 || r->client > own) &&
-               control->other[0] == 0) {
-        tell_service(control, PORTMET_CONTROL_T_SERVED, r->client, r->nonce);
-    }
-    return PM_KEEP;
-}
-
 static pm_drop on_control(void *context, const void *data, size_t size) {
     pm_control *control = context;
     const pm_lockstep_coordinator *c = control->coordinator;
@@ -415,8 +400,20 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     if (r->session != control->service.session) {
         return PM_DROP_SESSION; // to another service of this scene
     }
-    if (r->kind >= PORTMET_CONTROL_T_SERVE) {
-        return hear_service(control, r);
+    // Services ask, and the one that is older answers.
+    const int64_t own = c->endpoint.identity.hello.instance;
+    if (r->kind == PORTMET_CONTROL_T_SERVED) {
+        if (r->client == own && r->nonce == own_nonce(control) && control->run.number <= 1) {
+            snprintf(control->other, sizeof control->other, "%s",
+                     r->sender[0] == 0 ? "another" : r->sender);
+        }
+        return PM_KEEP;
+    }
+    if (r->kind == PORTMET_CONTROL_T_SERVE) {
+        if (r->client != own && (control->asks == 0 || r->client > own) && control->other[0] == 0) {
+            tell_service(control, PORTMET_CONTROL_T_SERVED, r->client, r->nonce);
+        }
+        return PM_KEEP;
     }
     // Until it is certain that the scene is served by this one, clients ask again.
     if (control->asks > 0 || control->other[0] != 0) {
@@ -526,7 +523,7 @@ pm_status pm_control_poll(pm_control *control) {
                (c->completed >= c->endpoint.steps || control->stopping)) {
         end_run(control, PM_OK, "");
         if (!c->stays) {
-            pm_lockstep_coordinator_end(c);
+            pm_lockstep_coordinator_fail(c, PM_OK, "");
         }
     }
     for (int i = 0; i < CLIENTS && control->waiting > 0; ++i) {
@@ -561,7 +558,7 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     made->service = *service;
     made->asks = SERVE_ASKS + 1; // the last one ends the wait for an answer
     made->active = !coordinator->stays;
-    if (made->active) { // a run that has started itself
+    if (made->active) {      // a run that has started itself
         made->owner_id = -1; // no client: 0 is one that is free
         made->run = (pm_control_run){.number = 1, .session = coordinator->endpoint.session};
         snprintf(made->owner, sizeof made->owner, "%s", service->name);

@@ -618,26 +618,22 @@ static pm_status book(pm_lockstep_coordinator *c, pm_sample *sample) {
     return c->observer.step != NULL ? c->observer.step(c->observer.context, sample) : PM_OK;
 }
 
-// Books a state that was set or restored after its step had been booked.
-static pm_status book_again(pm_lockstep_coordinator *c, const pm_sample *sample) {
-    pm_tally tally = {0};
-    if (!c->sums) {
-        pm_tally_add_subsystems(&tally, c->endpoint.system, sample);
-    }
-    if (c->from_outside) {
-        pm_ledger_note_outside(
-            &c->ledger, c->sums ? pm_report_window_tally(&c->reports, sample->step) : &tally);
-    }
-    return PM_OK;
-}
-
 // Books the steps up to `complete`, whose reports are all there: enters each sample in the ledger,
 // hands it to the observer and saves the checkpoint if due. Publishes the ledger of the last one.
 static pm_status book_steps(pm_lockstep_coordinator *c, int64_t complete) {
     while (c->completed < complete) {
         c->completed += 1;
         pm_sample *sample = pm_report_window_sample(&c->reports, c->completed);
-        PM_TRY(c->completed > c->booked ? book(c, sample) : book_again(c, sample));
+        pm_tally tally = {0};
+        if (c->completed > c->booked) {
+            PM_TRY(book(c, sample));
+        } else if (c->from_outside) { // the state was set after its step had been booked
+            if (!c->sums) {
+                pm_tally_add_subsystems(&tally, c->endpoint.system, sample);
+            }
+            pm_ledger_note_outside(
+                &c->ledger, c->sums ? pm_report_window_tally(&c->reports, sample->step) : &tally);
+        }
         const bool last = c->completed == c->endpoint.steps;
         if (c->checkpoint != NULL && !c->stays && (last || c->completed % c->interval == 0)) {
             // Saves the checkpoint, after the recording up to this step.
@@ -818,13 +814,6 @@ void pm_lockstep_coordinator_hold(pm_lockstep_coordinator *c, int64_t step) {
         c->checkpoint_state[1] = step == INT64_MAX ? -1 : (double)step;
         check(c, pm_snapshot_save(c->checkpoint, &c->checkpoint_key, c->endpoint.session,
                                   c->checkpoint_state));
-    }
-}
-
-void pm_lockstep_coordinator_end(pm_lockstep_coordinator *c) {
-    if (is_running(c)) {
-        pm_endpoint_end(&c->endpoint, PM_OK, "");
-        enter(c, PM_COORDINATOR_CLOSING);
     }
 }
 
@@ -1177,18 +1166,6 @@ void pm_lockstep_coordinator_close(pm_lockstep_coordinator *c) {
         pm_arena_free(&c->arena);
         free(c);
     }
-}
-
-pm_status pm_lockstep_run_coordinator(pm_lockstep_coordinator *c,
-                                      const volatile sig_atomic_t *stop) {
-    double now = pm_clock();
-    double next = pm_lockstep_coordinator_poll(c, now);
-    while (c->phase != PM_COORDINATOR_FINISHED) {
-        check(c, pm_endpoint_wait(&c->endpoint, next, now, stop));
-        now = pm_clock();
-        next = pm_lockstep_coordinator_poll(c, now);
-    }
-    return pm_lockstep_coordinator_result(c);
 }
 
 // --- questions ---

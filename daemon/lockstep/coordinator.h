@@ -1,7 +1,7 @@
 // The coordinator of a distributed run: a state machine driven by messages and time (coordinator.c
 // has its table of states). It grants steps to the nodes, assembles every step's reports into a
 // sample, enters the sample in the ledger, and hands it to an observer. No function blocks;
-// the caller waits on its transport and polls it, as pm_lockstep_run_coordinator does.
+// the caller waits on its transport and polls it.
 //
 // Life cycle: it opens a session and collects the initial state from every node. It then grants
 // steps ahead of the last one that all have completed (lookahead.h) until the last step. It ends
@@ -99,7 +99,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
 void pm_lockstep_coordinator_close(pm_lockstep_coordinator *coordinator); // NULL is allowed
 
 // These functions do for a coordinator what pm_lockstep_node_poll, _fail and _finished do for a
-// node; `clock` in s, monotonic.
+// node; `clock` in s, monotonic. A run that fails with PM_OK ends well, before its last step.
 double pm_lockstep_coordinator_poll(pm_lockstep_coordinator *coordinator, double clock);
 void pm_lockstep_coordinator_fail(pm_lockstep_coordinator *coordinator, pm_status code,
                                   const char *message);
@@ -139,9 +139,6 @@ void pm_lockstep_coordinator_begin(pm_lockstep_coordinator *coordinator,
 // Grants no step beyond `step`; INT64_MAX: no limit. Steps that are granted already are computed.
 void pm_lockstep_coordinator_hold(pm_lockstep_coordinator *coordinator, int64_t step);
 
-// Ends a run well before its last step.
-void pm_lockstep_coordinator_end(pm_lockstep_coordinator *coordinator);
-
 // Returns the number of processes that have said hello.
 int pm_lockstep_coordinator_present(const pm_lockstep_coordinator *coordinator);
 
@@ -152,10 +149,6 @@ const pm_pace *pm_lockstep_coordinator_pace(const pm_lockstep_coordinator *coord
 const pm_ledger *pm_lockstep_coordinator_ledger(const pm_lockstep_coordinator *coordinator);
 pm_transport *pm_lockstep_coordinator_transport(const pm_lockstep_coordinator *coordinator);
 const pm_drops *pm_lockstep_coordinator_drops(const pm_lockstep_coordinator *coordinator);
-
-// Drives a coordinator until the run is over, and returns its result, as pm_lockstep_run_node does.
-pm_status pm_lockstep_run_coordinator(pm_lockstep_coordinator *coordinator,
-                                      const volatile sig_atomic_t *stop);
 
 // --- the inside of a coordinator, for coordinator.c and for tests ---
 

@@ -148,12 +148,6 @@ void pm_waiting_note_requests(pm_waiting *waiting, int count) {
     waiting->credit -= count;
 }
 
-bool pm_waiting_is_long(const pm_waiting *waiting) {
-    // Among many processes a request to all costs much, and steps take longer anyway.
-    return waiting->interval >= waiting->last &&
-           waiting->next - waiting->since >= PM_WAITING_LONG * waiting->first;
-}
-
 bool pm_waiting_is_over(const pm_waiting *waiting, double heard, double patience, double now) {
     return now - waiting->since > patience && now - heard > patience;
 }

@@ -117,7 +117,11 @@ void pm_waiting_note_requests(pm_waiting *waiting, int count);
 
 // Returns true if the interval between requests has reached the longest one, and the wait is as
 // long as PM_WAITING_LONG times the upper limit of the first interval.
-bool pm_waiting_is_long(const pm_waiting *waiting);
+static inline bool pm_waiting_is_long(const pm_waiting *waiting) {
+    // Among many processes a request to all costs much, and steps take longer anyway.
+    return waiting->interval >= waiting->last &&
+           waiting->next - waiting->since >= PM_WAITING_LONG * waiting->first;
+}
 
 // Returns true if this wait has lasted for more than `patience` (s) at `now` (s, monotonic), and
 // the awaited process, last heard at `heard` (same clock), has been silent for as long.

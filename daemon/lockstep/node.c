@@ -622,8 +622,8 @@ static pm_drop accept_refusal(pm_lockstep_node *node, const portmet_command_t *c
 }
 
 // True if END or ABORT ends this node. If not, whoever sent it is asked, where that may help. A
-// node that was restarted may not know that the last step is done, and a client may have stopped the
-// run before.
+// node that was restarted may not know that the last step is done, and a client may have stopped
+// the run before.
 static bool may_end(pm_lockstep_node *node, const portmet_command_t *command) {
     const bool proven = pm_identity_is_proven(&node->endpoint.identity, command);
     const bool abort = command->kind == PORTMET_COMMAND_T_ABORT;

@@ -16,12 +16,6 @@ pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int d
     return PM_OK;
 }
 
-void pm_resend_buffer_clear(pm_resend_buffer *buffer) {
-    for (int i = 0; i < buffer->depth; ++i) {
-        buffer->slot[i].key = -1;
-    }
-}
-
 unsigned char *pm_resend_buffer_data(pm_resend_buffer *buffer) {
     pm_resend_buffer_slot *slot = &buffer->slot[buffer->next];
     slot->key = -1;

@@ -29,7 +29,11 @@ pm_status pm_resend_buffer_init(pm_resend_buffer *buffer, pm_arena *arena, int d
                                 size_t capacity);
 
 // Forgets all messages.
-void pm_resend_buffer_clear(pm_resend_buffer *buffer);
+static inline void pm_resend_buffer_clear(pm_resend_buffer *buffer) {
+    for (int i = 0; i < buffer->depth; ++i) {
+        buffer->slot[i].key = -1;
+    }
+}
 
 // Returns the memory [capacity] into which the next message is to be encoded. The message replaces
 // the oldest one.

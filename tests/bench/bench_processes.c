@@ -18,6 +18,7 @@
 #include "lockstep/coordinator.h"
 #include "lockstep/node.h"
 #include "many_links.h"
+#include "run_coordinator.h"
 #include "sim/monolithic.h"
 
 #define WARM 4 // steps before the measurement
@@ -128,7 +129,7 @@ static pm_status conduct(bench *b, int64_t session) {
     pm_status status;
     PM_TRY_DONE(pm_transport_open(&transport, b->url));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, b->system, transport, &options));
-    status = pm_lockstep_run_coordinator(coordinator, NULL);
+    status = run_coordinator(coordinator);
     print(b, "coordinator", b->seconds, processor_time() - b->cpu, b->steps);
     const pm_ledger *ledger = pm_lockstep_coordinator_ledger(coordinator);
     printf("  worst residuals: energy %.2e, entropy %.2e; %ld steps in violation; E %.17g J\n",

@@ -20,7 +20,7 @@ goes_on "$folder/patient.yaml" 80
 
 # All processes stopped, as by Ctrl-Z or in a frozen container, held and on their way. Each goes on later.
 for hold in 50 1000000; do
-    sed "/^time:/i lockstep: {patience: 4}\ns/^scene: .*/scene: frozen$hold/" "$scene" >"$folder/frozen$hold.yaml"
+    sed -e "/^time:/i lockstep: {patience: 4}" -e "s/^scene: .*/scene: frozen$hold/" "$scene" >"$folder/frozen$hold.yaml"
     start frozen$hold run "$folder/frozen$hold.yaml" --steps 1000000 --held
     eval "frozen$hold=$pid"
     goes_on "$folder/frozen$hold.yaml" 50

@@ -149,7 +149,7 @@ killed killed "$chain" $kills
 
 # A run that pauses says so while it does: one process is stopped, not killed. No other run takes its folder.
 # Both take seconds; more is tested meanwhile.
-sed 's/^lockstep: {/&patience: 1000, /' "$chain" >"$folder/pausing.yaml"
+sed -e 's/^lockstep: {/&patience: 1000, /' -e 's/^scene: .*/scene: pausing/' "$chain" >"$folder/pausing.yaml"
 start paused run "$folder/pausing.yaml" --steps $steps --checkpoint "$folder/paused" --held
 paused=$pid
 goes_on "$folder/pausing.yaml" 100

@@ -189,6 +189,38 @@ same long.h5 long.h5
 kill -TERM $kept
 wait $kept || fail "serve with checkpoints: exit code $?"
 
+# All subsystems in the service's own process.
+start inside serve "$scene" --in-process --record "$records"
+inside=$pid
+asks 0 "step 50 of 50" start --steps 50 --wait --record inside.h5
+same inside.h5 plain.h5
+[ -z "$(children $inside)" ] || fail "serve --in-process has started processes"
+kill -TERM $inside
+wait $inside || fail "serve --in-process: exit code $?"
+
+# A run answers clients like a service, and begins by itself. Clients reach the first of two, and only a service changes
+# states. A run that is stopped ends well.
+start run run "$scene" --steps 50 --held --record "$folder/held.h5"
+run=$pid
+asks 0 "held, run 1 of process $run on .*, step 20 of 50" advance --steps 20
+asks 2 "refused: run 1 of process $run .* is under way, after step 20" start
+asks 2 "refused: this run keeps its states" reset
+start late run "$scene" --steps 10 --held
+ends late $pid 7 "scene pair is served already, by process $run on"
+start late serve "$scene"
+ends late $pid 7 "scene pair is served already, by process $run on"
+"$portmetd" run "$scene" --steps 50 --quiet --record "$folder/beside.h5" || fail "a run beside one that is held"
+goes_on "$scene"
+ends run $run 0 ""
+for name in held beside; do
+    "$same_recording" "$folder/$name.h5" "$folder/plain.h5" >/dev/null || fail "$name: other bits"
+done
+start run run "$scene" --steps $long --held --record "$folder/stopped.h5"
+asks 0 "step 20 of" advance --steps 20
+asks 0 "ended, run 1 of" stop
+ends run $pid 0 ""
+"$same_recording" "$folder/stopped.h5" "$folder/short.h5" >/dev/null || fail "a run that was stopped has other bits"
+
 # Nodes that are started by hand serve one run after another, and outlive the coordinator.
 for node in left right; do
     start $node node "$scene" $node --serve

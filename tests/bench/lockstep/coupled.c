@@ -12,6 +12,7 @@
 #include "lockstep/coordinator.h"
 #include "lockstep/lookahead.h"
 #include "lockstep/node.h"
+#include "tests/bench/run_coordinator.h"
 #include "tests/support/memory_hub.h"
 #include "tests/support/together.h"
 
@@ -118,7 +119,7 @@ static pm_status run_processes(const pm_system *system, const char *url, const d
     }
     PM_TRY_DONE(pm_transport_open(&transport, url));
     PM_TRY_DONE(pm_lockstep_coordinator_open(&coordinator, system, transport, &options));
-    status = pm_lockstep_run_coordinator(coordinator, NULL);
+    status = run_coordinator(coordinator);
 done:
     for (int i = 0; i < w->npid; ++i) {
         if (status != PM_OK) {

@@ -1,12 +1,13 @@
 #!/bin/sh
-# serve.sh PORTMETD BENCH CONFIGS [RUNS]: what clients of `portmetd serve` wait for, in a private network (root), with
+# serve.sh PORTMETD BENCH CONFIGS PYTHON [RUNS]: what clients of `portmetd serve` wait for, in a private network (root), with
 # the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked.
 # `chrt -f 1 sh serve.sh ...` measures what a machine without other work does.
 . "$(dirname "$0")/../../support/private_network.sh"
 portmetd=$1
 bench=$2
 configs=$3
-runs=${4:-1000}
+python=$4
+runs=${5:-1000}
 folder=$(mktemp -d)
 trap 'kill $service 2>/dev/null; rm -rf "$folder"' EXIT
 
@@ -30,8 +31,9 @@ busy() {
     done | awk '{s += $1 / 1000} END {printf "%d", s}'
 }
 
+# serve SCENE OPTION...
 serve() {
-    "$portmetd" serve "$1" 2>"$folder/err" &
+    "$portmetd" serve "$@" 2>"$folder/err" &
     service=$!
     until "$portmetd" query "$1" 2>/dev/null | grep -q ": idle"; do sleep 0.2; done
 }
@@ -48,6 +50,26 @@ sed "s#\(weights: \|file: \)#&$configs/#; s/substeps: 16 .*/substeps: 1/" "$conf
 serve "$folder/short.yaml"
 echo "double pendulum with 4 exchanges in a step:"
 "$bench" "$folder/short.yaml" "$runs" 20
+kill $service
+wait $service
+
+serve "$configs/double_pendulum.yaml" --in-process --compiled
+echo "double pendulum in the service's process, with compiled models:"
+"$bench" "$configs/double_pendulum.yaml" "$runs" 200
+PYTHONPATH=$python /usr/bin/python3 - "$runs" <<'SCRIPT'
+import sys, time
+import portmet
+with portmet.Remote("double_pendulum") as scene:
+    took = []
+    for _ in range(int(sys.argv[1])):
+        begun = time.perf_counter()
+        scene.step(1)
+        took.append(1e6 * (time.perf_counter() - begun))
+took.sort()
+n = len(took)
+print("%-28s least %9.1f   median %9.1f   quartiles %9.1f %9.1f us" %
+      ("one step alone, from Python", took[0], took[n // 2], took[n // 4], took[3 * n // 4]))
+SCRIPT
 kill $service
 wait $service
 

@@ -1,17 +1,15 @@
 #!/bin/sh
-# soak.sh PORTMETD CONFIGS [STEPS]: a run of the double pendulum without a last step, at full speed, with both parts in
-# one process and compiled models, in a private network (root). Prints its energy, and the memory, the threads and the
-# descriptors of all processes, ten times, and fails if they have grown from the second to the last time, if a step was
-# in violation, or if it took more than an hour.
+# soak.sh PORTMETD CONFIGS [STEPS]: a run of the double pendulum without a last step, at full speed, with both parts
+# in the service's process and compiled models, in a private network (root). Prints its energy, and the memory, the
+# threads and the descriptors of all processes, ten times, and fails if they have grown from the second to the last
+# time, if a step was in violation, or if it took more than an hour.
 . "$(dirname "$0")/../../support/private_network.sh"
 portmetd=$1
 configs=$(realpath "$2")
 steps=${3:-10000000}
 folder=$(mktemp -d)
 trap 'kill $service 2>/dev/null; rm -rf "$folder"' EXIT
-sed "s#\(weights: \|file: \)#&$configs/#" "$configs/double_pendulum.yaml" >"$folder/soak.yaml"
-echo "processes: {both: [upper, lower]}" >>"$folder/soak.yaml"
-scene=$folder/soak.yaml
+scene=$configs/double_pendulum.yaml
 
 # resources: the resident memory in kB, the threads and the open files of all processes together.
 resources() {
@@ -26,7 +24,7 @@ reached() {
     "$portmetd" query "$scene" | sed -n 's/.*, step \([0-9]*\).*/\1/p' | head -n 1
 }
 
-"$portmetd" serve "$scene" --compiled 2>"$folder/err" &
+"$portmetd" serve "$scene" --in-process --compiled 2>"$folder/err" &
 service=$!
 until "$portmetd" query "$scene" 2>/dev/null | grep -q ": idle"; do sleep 0.2; done
 began=$(date +%s)

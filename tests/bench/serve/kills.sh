@@ -1,0 +1,30 @@
+#!/bin/sh
+# kills.sh PORTMETD BENCH CONFIGS [RUNS]: runs of 200 steps of the double pendulum by one client, each compared bit by bit
+# with the run in one process, while one datagram in ten gets lost and a process of the service is killed every second,
+# in a private network (root). Prints how many were killed and lost.
+. "$(dirname "$0")/../../support/private_network.sh"
+portmetd=$1
+bench=$2
+configs=$(realpath "$3")
+runs=${4:-1000}
+folder=$(mktemp -d)
+trap 'kill $killer $service 2>/dev/null; rm -rf "$folder"' EXIT
+sed "s#\(weights: \|file: \)#&$configs/#; s/checkpoint: 100/checkpoint: 4/" "$configs/double_pendulum.yaml" >"$folder/kills.yaml"
+if ! nft add table ip loss || ! nft add chain ip loss input '{ type filter hook input priority 0; }' ||
+    ! nft add rule ip loss input udp dport 7667 numgen random mod 10 == 0 counter drop; then
+    echo "skipped: no nft here"
+    exit 77
+fi
+"$portmetd" serve "$folder/kills.yaml" --checkpoint "$folder/checkpoints" 2>"$folder/err" &
+service=$!
+until "$portmetd" query "$folder/kills.yaml" 2>/dev/null | grep -q ": idle"; do sleep 0.2; done
+while sleep 1; do
+    kill -KILL "$(tr ' ' '\n' <"/proc/$service/task/$service/children" | grep . | shuf -n 1)" 2>>"$folder/late"
+done &
+killer=$!
+"$bench" "$folder/kills.yaml" "$runs" 200
+code=$?
+kill $killer
+kill -TERM $service && wait $service || code=$?
+echo "$(grep -c 'killed by signal 9' "$folder/err") processes killed, $(nft list chain ip loss input | sed -n 's/.*packets \([0-9]*\).*/\1/p') datagrams lost; ended with $code"
+exit $code
