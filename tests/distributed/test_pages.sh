@@ -29,10 +29,15 @@ indented() {
     run "$1" "$3"
 }
 
-# howto NAME TEXT: runs all blocks of a how-to that are marked as commands.
+# marked PAGE TEXT: runs all blocks of a page that are marked as commands.
+marked() {
+    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$source/$1" >"$folder/commands"
+    run "$1" "$2"
+}
+
+# howto NAME TEXT: the same for a how-to.
 howto() {
-    awk '/^```sh$/ { on = 1; next } /^```$/ { on = 0 } on' "$source/daemon/howto/$1.md" >"$folder/commands"
-    run "howto/$1.md" "$2"
+    marked "daemon/howto/$1.md" "$2"
 }
 
 # tables HEADER STEP: six tables run_K.csv and a table test_1.csv of a system with an input u that is held for 10 samples;
@@ -53,6 +58,7 @@ tables() {
 }
 
 howto unmeasured "bands"
+marked trainer/MEASUREMENTS.md "inside 90 % bands"
 howto three-subsystems "a_b"
 howto slow-process "lower"
 howto port-law "steps in violation: 0"
@@ -63,6 +69,8 @@ tables "t [s],q [m],v [m/s],F [N]" "y += 1e-4*(u - 8*y - 30*x)/2; x += 1e-4*y"
 howto own-csv "steps in violation: 0"
 indented README.md "## From a logger's files to processes" "steps in violation: 0"
 if /usr/bin/python3 -c "import numpy, h5py" 2>/dev/null; then
+    cp "$source/daemon/examples/circuit.py" .
+    command -v h5dump >/dev/null && marked trainer/CIRCUIT.md "power       first_cooling"
     howto inputs "drives v"
     howto live-python "1.5 \["
     howto follow-a-plant "step 100: momentum off by 0.00"
@@ -85,6 +93,6 @@ chmod +x build/trainer/*
 names=$(sh configs/make.sh 2>&1 | sed '1d; s/ | / /g; s/chain_\*/chain_3/')
 [ "$(echo $names | wc -w)" -gt 20 ] || fail "configs/make.sh: found the names $names"
 for name in $names; do
-    sh configs/make.sh "$name" "$0" >"$folder/out" 2>"$folder/err" || fail "configs/make.sh $name"
+    sh configs/make.sh "$name" "$source/README.md" >"$folder/out" 2>"$folder/err" || fail "configs/make.sh $name"
 done
 finish
