@@ -332,7 +332,7 @@ static pm_status read_recording(view *v) {
                          r.rows);
         goto done;
     }
-    // A recording of all subsystems has the first one.
+    // If the recording has all subsystems, it has the first one: look for that.
     const char *range = scene->physics.subsystem[0].range;
     char first[NAME_SIZE];
     snprintf(first, sizeof first, "/subsystems/%s",

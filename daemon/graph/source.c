@@ -34,7 +34,7 @@ typedef struct writer {
     pm_arena arena;
     value **number;    // [nodes][rows * cols]; NULL: the node is not needed
     const char **name; // [nodes] name of the node's array in the source; NULL: it has none
-    int *step;         // [nodes] distance of the numbers in this array; 0: one by one
+    int *step;         // [nodes] stride of the numbers in this array; 0: each has its own place
     bool *read;        // [nodes] a statement reads the node's array
     int ncopy;         // constant arrays so far, which gather numbers from other arrays
 } writer;

@@ -415,7 +415,7 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
         }
         return PM_KEEP;
     }
-    // Until it is certain that the scene is served by this one, clients ask again.
+    // Clients are not answered, and ask again, until no other service of the scene can be there.
     if (control->asks > 0 || control->other[0] != 0) {
         return PM_DROP_RANGE;
     }

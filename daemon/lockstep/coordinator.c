@@ -873,7 +873,7 @@ static pm_status request_missing(pm_lockstep_coordinator *c) {
     const int64_t step = c->completed + 1;
     for (int i = 0; i < c->nremote && !any; ++i) {
         const pm_remote_process *remote = &c->remote[i];
-        // Before the first step, those that have not said hello yet have nothing to send.
+        // Before the first step, only processes that have said hello have something to send.
         const bool here = c->phase != PM_COORDINATOR_GATHERING || remote->greeted[0] != 0;
         if (here && !pm_report_window_has(&c->reports, step, remote->id)) {
             PM_TRY(pm_endpoint_request(&c->endpoint, remote->address, remote->channel, step, 0));

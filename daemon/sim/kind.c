@@ -492,7 +492,7 @@ static void serialize_gap(const pm_subsystem_group *group, pm_serializer *serial
 
 // --- the table ---
 
-// The first kind of which a subsystem is, is its kind.
+// A subsystem has the first of these kinds whose `is` accepts it.
 static const pm_kind kinds[] = {
     {.name = "solid",
      .single = true,

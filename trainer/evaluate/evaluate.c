@@ -395,7 +395,7 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
     pm_arena scratch = {0};
     double *value = pm_arena_array(&scratch, n * ntime, sizeof *value);
     double *other = pm_arena_array(&scratch, ntime * ncolumn, sizeof *other);
-    // [count][ngroup] the errors of the first state and of the mean in place of all states
+    // [count][ngroup] the errors of two predictions: always the first state, always the mean state
     double *still = pm_arena_array(&scratch, n * ngroup, sizeof *still);
     double *mean = pm_arena_array(&scratch, n * ngroup, sizeof *mean);
     status = status != PM_OK ? status : pm_arena_status(&scratch, "an evaluation");

@@ -73,7 +73,7 @@ static pm_status list_columns(pm_fit *f, const char ***column, int *count) {
             while (same < *count && (name == NULL || strcmp(list[same], name) != 0)) {
                 ++same;
             }
-            // Where the measurements have this column; the time needs none.
+            // Finds this column in the measurements. The time (no name) has no column.
             const pm_dataset *data = f->measured.data;
             int at = 0;
             while (name != NULL && at < data->ncolumn && strcmp(data->column[at], name) != 0) {

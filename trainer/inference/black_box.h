@@ -11,7 +11,7 @@
 typedef struct pm_black_box_data {
     int nvalue, ninput;
     int count;          // series
-    int ntraining;      // the first of them train, the others are predicted; if all train, all are
+    int ntraining;      // the first so many train; the others, or all if all train, are predicted
     const int *ntime;   // [count] rows of each series
     double *const *row; // [count] -> [ntime][nvalue + ninput]; NaN where a number is missing
     const int *given;   // [count] rows that are known where a prediction begins, at least 1

@@ -32,7 +32,7 @@ typedef struct start_uncertainty {
 } start_uncertainty;
 
 // Evaluates the normal equations of the starts and the weights at the estimate, with each track as
-// one window: the start moves with the weights by -own^-1 border.
+// one window. They give the derivative of an estimated start by the weights, -own^-1 border.
 static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_uncertainty *u,
                                start_uncertainty *start) {
     const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;

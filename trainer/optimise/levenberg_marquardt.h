@@ -31,7 +31,7 @@ typedef struct pm_damping {
     double smallest; // it does not fall below this
     double largest;  // with a larger one no step is tried
     double relax;    // its factor after a whole step
-    double stiffen;  // its factor after a part of a step, and after none
+    double stiffen;  // its factor after a step that was shortened or refused
 } pm_damping;
 
 // Iterates until the problem is over. *damping is 0 at first, and carries over to the next call.

@@ -72,7 +72,7 @@ typedef struct pm_damped_equations {
     pm_gauss_newton *form;
     double *gradient, *diagonal; // [size]
     double *held;                // [size] 1 for weights that are held, else 0
-    double hold;                 // the diagonal of R where held is 1
+    double hold;                 // what is added to the diagonal for weights that are held
     double *shrinks;             // [size] 1 for weights that shrink, else 0
     double *bend;                // [size] the diagonal of S
     double shrinkage;            // the factor of the penalty; 0 at first, the caller may change it

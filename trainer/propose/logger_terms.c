@@ -284,7 +284,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
         term_list turning = {0};
         if (y->mate >= 0) {
-            // The squares of velocities follow positions where energy is kept: forces come first.
+            // Where energy is kept, squares of velocities are functions of the positions. Terms of
+            // forces therefore come first.
             const bool angle = v->column[y->mate].angle;
             if (angle) {
                 add_angle(&turning, i, ONE, y->mate, 1, FEWEST_HARMONICS);

@@ -57,8 +57,8 @@ static const char *si_unit(pm_logger_view *view, const char *text, const pm_unit
 
 // --- what columns are ---
 
-// Returns the number of samples to either side of one, over which column c changes by clearly more
-// than its noise.
+// Returns the number of samples m for which column c changes by clearly more than its noise between
+// the samples k - m and k + m.
 static int find_reach(const pm_logger_samples *w, int c) {
     const pm_dataset *d = w->view->dataset;
     const double noise = w->view->column[c].noise;
@@ -130,8 +130,8 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
     w->length = 0;
 }
 
-// Adds the hidden variable of a guess. From y'' + c1 y' + c0 y = ..., a linear regression, follow
-// the rates p of the two, p^2 - c1 p + c0 = 0, or where these are complex their mean.
+// Adds the hidden variable of a guess. A linear regression gives y'' + c1 y' + c0 y = ... The two
+// variables relax at the roots p of p^2 - c1 p + c0 = 0, or at their mean if these are complex.
 static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
     pm_logger_view *view = w->view;
     pm_logger_column *column = &view->column[y];
@@ -633,7 +633,7 @@ static void find_scales(pm_logger_samples *w) {
         if (action->effect != PM_LOGGER_FILLS) {
             action->gain = c->inertia * view->coupling[action->target][action->input];
         }
-        // Of what an input moves through a shared inertia it drives one alone.
+        // An input moves all velocities that share an inertia, but acts on one of them alone.
         if (action->effect != PM_LOGGER_GAIN || !find_mutual(view, action)) {
             view->action[kept++] = *action;
         }

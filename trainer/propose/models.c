@@ -205,7 +205,7 @@ static void add_strength(const pm_draft *d, list *l, const pm_part_view *v, cons
             continue;
         }
         if (answer == PM_BY_COENERGIES) {
-            // Of what is dissipated the size counts, whatever its sign.
+            // A strength depends on the size of a co-energy that is dissipated, not on its sign.
             if (is_entropy(v, g)) {
                 fprintf(l->file, "%s%sdE.%s", l->count++ > 0 ? ", " : "", before, name_of(v, g));
             } else if (may_lose(v, g)) {

@@ -277,7 +277,7 @@ int pm_continuation_longest(const pm_shooting *s) {
     return longest;
 }
 
-// Doubles the length of the windows, unless they could not be integrated then.
+// Doubles the length of the windows. Keeps the old length if the new windows cannot be integrated.
 static pm_status double_windows(pm_shooting *s, pm_continuation_point *point, bool *doubled) {
     const size_t size = (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z;
     double *kept = malloc(size);

@@ -279,7 +279,7 @@ static pm_status read_content(pm_basis *b, const pm_hdf5 *file, const char *path
         const int shape[4] = {2 * l->reach + 1, 3 * l->nloaded, l->nper, PM_LOCAL_TENSOR};
         PM_TRY(pm_hdf5_read(file, "/local/kernel", 4, shape, l->kernel));
     }
-    // Arithmetic with the numbers must be possible.
+    // Numbers by which the program divides must be positive, and all must be finite.
     const size_t width = 3 * (size_t)b->nnode;
     bool good =
         is_positive(1, &b->inertia_time) && is_positive(1, &b->temperature) &&

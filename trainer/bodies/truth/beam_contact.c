@@ -7,10 +7,10 @@
 
 #include <math.h>
 
-// The radius of a surface's bends where they begin, relative to the thickness of a layer.
+// The radius of a rounded edge at its beginning, relative to the thickness of a layer.
 #define ROUNDNESS 0.1
-// The length of a step for u and v, in elements, below which the closest point is found. It leaves
-// an error of its square.
+// The search for the closest point ends when u and v move by less than this, in elements. The error
+// that is left is the square of it.
 #define FOUND 1e-9
 #define MAX_ITERATIONS 30
 // How far beyond the edges a closest point may lie, in elements. The surface has bent far below
@@ -88,7 +88,7 @@ static void bend(double u, int count, double scale, double result[3]) {
 // Adds the nodes of a layer, which has the weight `level` at the point.
 static void add_layer(const pm_beam_surface *surface, int layer, const line_weights *along,
                       const line_weights *across, const double *level, surface_weights *weights) {
-    // The orders of the derivatives by u and v for each of DERIVATIVES.
+    // Each derivative is taken so often by u and so often by v.
     static const int by[DERIVATIVES][2] = {{0, 0}, {1, 0}, {0, 1}, {2, 0}, {1, 1}, {0, 2}};
     for (int m = 0; m < 16; ++m) {
         const int i = along->first + m % 4, j = across->first + m / 4, n = weights->nnode;
