@@ -303,8 +303,11 @@ static void print_port(const pm_setup *setup, int i) {
         const int id = port->subsystem[end];
         const pm_provenance *other = id < 0 ? NULL : component[id].provenance;
         if (other != NULL && other->path != NULL) {
-            const bool together = strcmp(of->command, other->command) == 0 &&
-                                  strcmp(of->data, other->data) == 0 && of->seed == other->seed;
+            const bool recorded = *of->fit != '\0' && *other->fit != '\0';
+            const bool together = recorded ? strcmp(of->fit, other->fit) == 0
+                                           : strcmp(of->command, other->command) == 0 &&
+                                                 strcmp(of->data, other->data) == 0 &&
+                                                 of->seed == other->seed;
             apart = apart || !together;
             printf("  end %c      %s was learned %s\n", 'a' + end,
                    pm_scene_end_name(scene, port, end),

@@ -201,6 +201,7 @@ pm_status pm_setup_complete(pm_setup *setup, pm_purpose purpose) {
                                  scene->run.reference_trajectory);
     }
     PM_TRY(find_start(setup));
+    PM_TRY(pm_system_check_range(setup->system, 1, setup->initial, scene->path));
     setup->system->digest =
         pm_digest_doubles(setup->system->digest, setup->initial, (size_t)scene->physics.nz);
     setup->system->digest = pm_boundary_input_digest(&setup->boundary_input, setup->system->digest);

@@ -52,17 +52,22 @@ pm_training_range pm_training_range_of(const pm_part *part) {
                : (pm_training_range){&part->layout, low->value, high->value};
 }
 
+pm_departure pm_training_range_of_group(pm_training_range range, int g, const double *z) {
+    const pm_group *group = &range.layout->group[g];
+    const double low = range.low[g], high = range.high[g];
+    const double slack = group->size > 1 ? SLACK * high : 0;
+    const double value = measure(group, z), width = fmax(high - low, slack);
+    const double beyond = fmax(low - value, value - high);
+    const double widths = beyond <= slack ? 0 : width > 0 ? beyond / width : INFINITY;
+    return (pm_departure){group, value, low, high, widths};
+}
+
 pm_departure pm_training_range_departure(pm_training_range range, const double *z) {
     pm_departure worst = {.group = NULL};
     for (int i = 0; range.low != NULL && i < range.layout->ngroup; ++i) {
-        const pm_group *group = &range.layout->group[i];
-        const double low = range.low[i], high = range.high[i];
-        const double slack = group->size > 1 ? SLACK * high : 0;
-        const double value = measure(group, z), width = fmax(high - low, slack);
-        const double beyond = fmax(low - value, value - high);
-        const double widths = beyond <= slack ? 0 : width > 0 ? beyond / width : INFINITY;
-        if (widths > worst.widths) {
-            worst = (pm_departure){group, value, low, high, widths};
+        const pm_departure own = pm_training_range_of_group(range, i, z);
+        if (own.widths > worst.widths) {
+            worst = own;
         }
     }
     return worst;

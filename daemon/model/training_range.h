@@ -24,13 +24,15 @@ typedef struct pm_training_range {
 } pm_training_range;
 pm_training_range pm_training_range_of(const pm_part *part);
 
-// The group that is furthest outside its range.
+// How far a group is outside its range.
 typedef struct pm_departure {
     const pm_group *group;   // NULL: no group is outside
     double value, low, high; // of the group, in its unit
     double widths;           // distance to the range, in widths of the range, of which that of a
                              // vector counts as a thousandth of its length at least
 } pm_departure;
+// Returns how far the group number `g` of the state z [nz] is outside its range.
+pm_departure pm_training_range_of_group(pm_training_range range, int g, const double *z);
 // Returns the group of the state z [nz] that is furthest outside its range.
 pm_departure pm_training_range_departure(pm_training_range range, const double *z);
 

@@ -2,6 +2,7 @@
 #include "scene/live_replay.h"
 
 #include <stdio.h>
+#include <string.h>
 
 #include "store/hdf5_io.h"
 
@@ -38,6 +39,12 @@ static pm_status read_all(const pm_hdf5 *file, const char *path, const pm_scene 
                           pm_arena *arena, double **value, int64_t *steps) {
     int count;
     uint64_t certain;
+    const char *recorded;
+    PM_TRY(pm_hdf5_read_text(file, "/", "scene", arena, &recorded));
+    if (strcmp(recorded, scene->name) != 0) {
+        return pm_fail(PM_EDATA, "%s: a recording of scene %.64s, expected one of %s", path,
+                       recorded, scene->name);
+    }
     PM_TRY(pm_hdf5_shape(file, "/time", 1, &count));
     PM_TRY(pm_hdf5_read_integer(file, "/", "committed", &certain));
     double *column = pm_arena_array(arena, (size_t)count, sizeof *column);

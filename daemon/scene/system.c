@@ -2,11 +2,19 @@
 // checks that models, meshes, weights and data belong together.
 #include "scene/system.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/digest.h"
 #include "model/solid/solid.h"
+#include "model/training_range.h"
+#include "scene/columns.h"
+
+#define SAMPLES 64    // states of a dataset that are compared with the training ranges
+#define FAR 5.0       // widths of a training range beyond which there are other systems and units
+#define NARROW 0.1    // of the size of a value: the least width
+#define FIT_DIGITS 16 // of the digest of a fit (weights.h)
 
 // The entries of the scene that describe a component.
 typedef struct source {
@@ -342,6 +350,52 @@ static pm_status check_coordinates(const pm_system *system) {
     return PM_OK;
 }
 
+static int by_size(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+pm_status pm_system_check_range(const pm_system *system, int count, const double *z,
+                                const char *what) {
+    const pm_scene *scene = system->scene;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_part *part = system->part[i];
+        const pm_training_range range = pm_training_range_of(part);
+        if (range.low == NULL || isfinite(scene->run.largest_departure)) {
+            continue;
+        }
+        for (int g = 0; g < part->layout.ngroup; ++g) {
+            const char *name = part->layout.group[g].name;
+            double value[SAMPLES];
+            int n = 0;
+            for (int k = 0; k < count && n < SAMPLES; ++k) {
+                const double *own = z + (size_t)k * (size_t)scene->physics.nz;
+                value[n] =
+                    pm_training_range_of_group(range, g, own + scene->physics.subsystem[i].first)
+                        .value;
+                n += isfinite(value[n]);
+            }
+            qsort(value, (size_t)n, sizeof *value, by_size);
+            const double low = range.low[g], high = range.high[g],
+                         median = n > 0 ? value[n / 2] : 0;
+            // What was nearly constant has no width.
+            const double width = fmax(high - low, NARROW * fmax(fabs(low), fabs(high)));
+            if (n > 0 && fmax(low - median, median - high) > FAR * width &&
+                (pm_part_depends(part, &part->spec.energy, name) ||
+                 pm_part_depends(part, &part->spec.entropy, name))) {
+                return pm_fail(PM_EDATA,
+                               "%s: %s.%s is %.4g %s, and the weights %s were trained on %.4g to "
+                               "%.4g: are they of another system, or is the unit another? With "
+                               "`guards: {training_range: ...}` any distance is allowed",
+                               what, scene->physics.subsystem[i].name, name, median,
+                               part->layout.group[g].unit, system->component[i].provenance->path,
+                               low, high);
+            }
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
                                   const char *path) {
     const char *own = pm_dataset_find_note(dataset, "coordinates");
@@ -353,7 +407,25 @@ pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dat
                 own, other->path, system->scene->physics.subsystem[i].name, other->coordinates);
         }
     }
-    return PM_OK;
+    pm_arena arena = {0};
+    pm_columns columns;
+    pm_status status = PM_OK;
+    const size_t nz = (size_t)system->scene->physics.nz;
+    double *z = pm_arena_array(&arena, SAMPLES * nz, sizeof *z);
+    PM_TRY_DONE(pm_arena_status(&arena, "%s", path));
+    if (pm_columns_bind(&columns, system->scene, dataset, &arena) != PM_OK) {
+        goto done; // whoever needs the columns says which one is missing
+    }
+    for (int k = 0; k < SAMPLES; ++k) { // spread over the trajectories and over their times
+        const int i = k % dataset->ntrajectory, length = pm_dataset_length(dataset, i);
+        pm_columns_to_state(&columns,
+                            pm_dataset_state(dataset, i, (int)((long)k * length / SAMPLES)),
+                            z + (size_t)k * nz);
+    }
+    status = pm_system_check_range(system, SAMPLES, z, path);
+done:
+    pm_arena_free(&arena);
+    return status;
 }
 
 uint64_t pm_system_columns_digest(const pm_scene_subsystem *subsystem) {
@@ -378,11 +450,54 @@ const char *pm_system_relative_groups(const pm_scene_subsystem *subsystem, pm_ar
     return text;
 }
 
+// Returns true if the weights of two components lie in one folder, under names that files of one
+// fit have, and are of two fits.
+static bool are_mixed(const pm_provenance *a, const pm_provenance *b) {
+    const char *slash[2] = {strrchr(a->path, '/'), strrchr(b->path, '/')};
+    const size_t length = slash[0] == NULL ? 0 : (size_t)(slash[0] - a->path) + 1;
+    if (*a->fit == '\0' || *b->fit == '\0' || strncmp(a->fit, b->fit, FIT_DIGITS) == 0 ||
+        length != (slash[1] == NULL ? 0 : (size_t)(slash[1] - b->path) + 1) ||
+        strncmp(a->path, b->path, length) != 0) {
+        return false;
+    }
+    const char *name = b->path + length, *at = a->fit;
+    const size_t size = strlen(name);
+    while ((at = strstr(at + 1, name)) != NULL) {
+        if (at[-1] == ' ' && (at[size] == ' ' || at[size] == '\0')) {
+            return true;
+        }
+    }
+    return false;
+}
+
 // Checks that weights are used where they were trained: no two subsystems have exchanged their
-// weights, and no group has lost or gained relative_to. Weights of a subsystem with other column
-// names pass, since they are reused on purpose. Weights without a record pass too.
+// weights, the files of one folder are of one fit, and no group has lost or gained relative_to.
+// Weights of a subsystem with other column names pass, since they are reused on purpose. Weights
+// without a record pass too.
 static pm_status check_origin(pm_system *system) {
     const pm_physics *physics = &system->scene->physics;
+    const int count = pm_system_components(system);
+    const pm_provenance **known = pm_arena_array(&system->arena, (size_t)count, sizeof *known);
+    PM_TRY(pm_arena_status(&system->arena, "a system"));
+    for (int i = 0, nknown = 0; i < count; ++i) {
+        const pm_provenance *own = system->component[i].provenance;
+        const int n = physics->nsubsystem;
+        if (own->path == NULL ||
+            (i < n ? system->part_owner[i] != i : system->port_owner[i - n] != i - n)) {
+            continue;
+        }
+        known[nknown++] = own;
+        for (int k = 0; k < nknown - 1; ++k) {
+            const pm_provenance *other = known[k];
+            if (are_mixed(own, other)) {
+                return pm_fail(PM_EWEIGHTS,
+                               "%s: %s: the weights %s were not learned together with %s: a file "
+                               "of another fit, or of another moment of this one, is in its place",
+                               source_of(system->scene, i).weights_at,
+                               source_of(system->scene, i).name, own->path, other->path);
+            }
+        }
+    }
     // One check for exchanged weights serves all subsystems that share them.
     bool *checked = pm_arena_array(&system->arena, (size_t)physics->nsubsystem, sizeof *checked);
     PM_TRY(pm_arena_status(&system->arena, "a system"));

@@ -64,6 +64,9 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
     if (is_given(p->verdict)) {
         PM_TRY(pm_hdf5_write_text(file, "/", "verdict", p->verdict));
     }
+    if (is_given(p->fit)) {
+        PM_TRY(pm_hdf5_write_text(file, "/", "fit", p->fit));
+    }
     if (is_given(p->trajectories)) {
         PM_TRY(pm_hdf5_write_text(file, "/", "trajectories", p->trajectories));
     }
@@ -181,6 +184,7 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
                          .coordinates = "",
                          .integrator = "",
                          .verdict = "",
+                         .fit = "",
                          .trajectories = "",
                          .relative = ""};
     // Older files have no record of the training data and of the columns of the state.
@@ -197,6 +201,9 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
     }
     if (pm_hdf5_is_text(file, "/", "verdict")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "verdict", arena, &p->verdict));
+    }
+    if (pm_hdf5_is_text(file, "/", "fit")) {
+        PM_TRY(pm_hdf5_read_text(file, "/", "fit", arena, &p->fit));
     }
     if (pm_hdf5_is_text(file, "/", "trajectories")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "trajectories", arena, &p->trajectories));

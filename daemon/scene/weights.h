@@ -7,6 +7,7 @@
 //     data          the data of the training
 //     integrator, step (s)       only if the training fitted steps
 //     verdict       of the fit that made them, beginning with a word such as "good" or "UNFIT"
+//     fit           a digest that all files of one fit share, and the names of these files
 //     trajectories, seen         the trajectories of the training, as text, and a digest of each
 //     columns       a digest of the names of the state's columns
 //     relative      the groups that are measured from a neighbour (relative_to)
@@ -47,6 +48,9 @@ struct pm_provenance {
     // The verdict of the fit that made the weights: a word of PM_VERDICT_WORDS and, unless that is
     // "good", ": " and the reason. "" or, when saving, NULL: not known.
     const char *verdict;
+    // "0123456789abcdef upper.h5 lower.h5": a digest that all files of one fit share, and the names
+    // of these files. "" or, when saving, NULL: not known.
+    const char *fit;
     // The trajectories of the training: as text, such as "0:4,5:9" ("" or, when saving, NULL: not
     // known), and the digest of each (dataset.h), by which evaluations recognise them in any file.
     const char *trajectories;

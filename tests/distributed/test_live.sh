@@ -42,6 +42,9 @@ wait $controller 2>/dev/null
 # What cannot be.
 start short run "$folder/live.yaml" --steps 121 --in-process --replay "$folder/live.h5"
 ends short $pid 5 "the recording that is replayed ends after step 120"
+sed -e 's/^scene: .*/scene: another/' "$folder/live.yaml" >"$folder/another.yaml"
+start another run "$folder/another.yaml" --in-process --replay "$folder/live.h5"
+ends another $pid 5 "a recording of scene live_double_pendulum, expected one of another"
 start without run "$folder/live.yaml" --in-process
 ends without $pid 2 "live inputs arrive over LCM"
 start kept run "$folder/live.yaml" --checkpoint "$folder/kept"

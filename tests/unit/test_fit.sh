@@ -318,6 +318,24 @@ evaluate "$data" exchanged
 [ $? -eq 6 ] || fail "exchanged weights were taken"
 grep -q 'subsystem upper: the weights .* were trained on the columns of subsystem lower' "$folder/err" ||
     fail "exchanged: expected the columns"
+# A file of another fit in the place of one of this fit, and data in another unit.
+cp -r "$folder/honest" "$folder/mixed"
+cp "$folder/some/upper.h5" "$folder/mixed"
+evaluate "$data" mixed
+[ $? -eq 6 ] && grep -q 'lower.h5 were not learned together with .*mixed/upper.h5: a file of another fit' "$folder/err" ||
+    fail "mixed: $(cat "$folder/err")"
+if /usr/bin/python3 -c 'import h5py' 2>/dev/null; then
+    /usr/bin/python3 - "$data" "$folder/milli.h5" <<'END'
+import h5py, shutil, sys
+shutil.copy(*sys.argv[1:])
+with h5py.File(sys.argv[2], "r+") as f:
+    f.attrs.pop("units", None)
+    f["z"][:] = 1000*f["z"][:]
+END
+    evaluate "$folder/milli.h5" honest
+    [ $? -eq 5 ] && grep -q 'milli.h5: .* were trained on .*: are they of another system, or is the unit another' "$folder/err" ||
+        fail "milli: $(cat "$folder/err")"
+fi
 cp "$folder/scene.yaml" "$folder/kept.yaml"
 sed -i 's/, relative_to: upper.q}/}/' "$folder/scene.yaml"
 evaluate "$data" honest

@@ -1,5 +1,6 @@
 // A scene with its weights: weights that fit are loaded; others are refused, and the message names
 // them.
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "model/training_range.h"
 #include "scene/model_reader.h"
 #include "scene/system.h"
 #include "tests/support/scratch.h"
@@ -55,7 +57,8 @@ static pm_scene *edited(scratch *folder, const char *from, const char *to) {
 }
 
 // Of what is saved next.
-static const char *part_coordinates, *port_coordinates, *part_integrator;
+static const char *part_coordinates, *port_coordinates, *part_integrator, *part_fit, *port_fit;
+static bool ranged; // the part has a training range: p from 1 to 2 kg m/s, s from 3 to 4 J/K
 
 static void save_part(pm_part *part, pm_arena *arena, const char *path) {
     pm_yaml_document *document = NULL;
@@ -64,6 +67,7 @@ static void save_part(pm_part *part, pm_arena *arena, const char *path) {
                                       .data = "",
                                       .coordinates = part_coordinates,
                                       .integrator = part_integrator,
+                                      .fit = part_fit,
                                       .step = 0.0375};
     assert_int_equal(pm_yaml_parse(&document,
                                    "energy: {features: [\"|p|^2\", s], skip: linear}\n"
@@ -73,6 +77,11 @@ static void save_part(pm_part *part, pm_arena *arena, const char *path) {
     assert_int_equal(pm_part_spec_read(root, (pm_yaml){0}, arena, &part->spec), PM_OK);
     pm_yaml_close(document);
     assert_int_equal(pm_part_declare(part), PM_OK);
+    if (ranged) {
+        assert_int_equal(pm_training_range_declare(part), PM_OK);
+        pm_training_range_widen(part, (const double[]){1, 0, 3});
+        pm_training_range_widen(part, (const double[]){0, 2, 4});
+    }
     assert_int_equal(pm_weights_save(path, pm_component_of_part(part), &provenance), PM_OK);
 }
 
@@ -80,7 +89,7 @@ static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
     const pm_provenance provenance = {
-        .command = "test", .data = "", .coordinates = port_coordinates};
+        .command = "test", .data = "", .coordinates = port_coordinates, .fit = port_fit};
     assert_int_equal(pm_yaml_parse(&document,
                                    "law: bracket\n"
                                    "irreversible: {learned: {acts_on: [a.s, b.s]}}\n",
@@ -102,13 +111,19 @@ static void save_weights(scratch *folder) {
     pm_scene_free(scene);
 }
 
+// Weights of which nothing is recorded.
+static int plain(void **state) {
+    part_coordinates = port_coordinates = part_integrator = part_fit = port_fit = NULL;
+    ranged = false;
+    save_weights(*state);
+    return 0;
+}
+
 static int setup(void **state) {
     static scratch folder;
     scratch_open(&folder);
-    part_coordinates = port_coordinates = part_integrator = NULL;
-    save_weights(&folder);
     *state = &folder;
-    return 0;
+    return plain(state);
 }
 
 static int teardown(void **state) {
@@ -274,6 +289,63 @@ static void test_mismatch(void **state) {
                    "5:20: subsystem lower", "joint.h5: weights of a");
 }
 
+// Files of one folder come from one fit, unless the folder has them under other names.
+static void test_fits(void **state) {
+    static const struct {
+        const char *part, *port;
+        bool good;
+    } cases[] = {
+        {"0123456789abcdef upper.h5 joint.h5", "0123456789abcdef upper.h5 joint.h5", true},
+        {"0123456789abcdef upper.h5 joint.h5", "0123456789abcdee upper.h5 joint.h5", false},
+        {"0123456789abcdef upper.h5 joint.h5", "0123456789abcdee lower.h5 joint.h5", true},
+        {"0123456789abcdef upper.h5 joint.h5", NULL, true},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        part_fit = cases[i].part;
+        port_fit = cases[i].port;
+        save_weights(*state);
+        if (cases[i].good) {
+            digest_of(good, *state, "pair", "pair");
+        } else {
+            assert_refused(*state, "pair", "pair", "8:20: joint",
+                           "upper.h5: a file of another fit");
+        }
+    }
+}
+
+// States in another unit, or of another system, lie far from what the weights have seen.
+static void test_range(void **state) {
+    ranged = true;
+    save_weights(*state);
+    static const struct {
+        double z[18];
+        int count;
+        const char *guard, *why;
+    } cases[] = {
+        {{1, 1, 3, 0, 7, 3}, 1, "", NULL},
+        {{1, 1, 3, 0, 1500, 3}, 1, "", "lower.p is 1500 kg m/s, and the weights "},
+        {{1, 1, 3, 0, 1500, 3}, 1, "guards: {training_range: 9}\n", NULL},
+        {{1, 1, -9, 0, 1, 3}, 1, "", "upper.s is -9 J/K"},
+        // Of several states one may be anywhere.
+        {{1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1, 3, 1, 1, 3, 0, 1, 3}, 3, "", NULL},
+        {{1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1, 3}, 3, "", "1500"},
+        {{1, 1, 3, 0, 1, 3, 1, 1, NAN, 0, 1, 3}, 2, "", NULL},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        char text[100];
+        snprintf(text, sizeof text, "%sports:", cases[i].guard);
+        pm_scene *scene = edited(*state, "ports:", text);
+        pm_system *system = boundary_input(scene);
+        const pm_status status = pm_system_check_range(system, cases[i].count, cases[i].z, "x");
+        if (status != (cases[i].why == NULL ? PM_OK : PM_EDATA) ||
+            (cases[i].why != NULL && strstr(pm_error(), cases[i].why) == NULL)) {
+            fail_msg("case %zu: %d, \"%s\"", i, status, pm_error());
+        }
+        pm_system_free(system);
+        pm_scene_free(scene);
+    }
+}
+
 // Features say rates, of which every integrator makes its steps.
 static void rates_hold_for_all_steps(void **state) {
     part_integrator = "rk4";
@@ -353,6 +425,8 @@ int main(void) {
         cmocka_unit_test(test_known_models),
         cmocka_unit_test(test_matrix),
         cmocka_unit_test(test_mismatch),
+        cmocka_unit_test_teardown(test_fits, plain),
+        cmocka_unit_test_teardown(test_range, plain),
         cmocka_unit_test(test_weights_folder),
         cmocka_unit_test(coordinates_must_agree_where_they_are_known),
         cmocka_unit_test(rates_hold_for_all_steps),

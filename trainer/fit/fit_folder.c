@@ -1,9 +1,11 @@
 // What both kinds of fits use: the choice of initial weights by rates, and the folder of a fit with
 // the checkpoint for --resume and the best weights so far as one file for each subsystem and port.
+#include <inttypes.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
+#include "base/digest.h"
 #include "data/trained.h"
 #include "fit/fit.h"
 #include "fit/fold_tangent.h"
@@ -11,6 +13,7 @@
 
 // The difference between the seeds of two attempts.
 #define SEED_STRIDE 7000003
+#define LONGEST_FIT 30000 // bytes of the names of files: an attribute of HDF5 holds 64 kB
 
 double pm_fit_processor_time(const pm_fit *f) {
     return (double)clock() / CLOCKS_PER_SEC - f->processor;
@@ -123,12 +126,21 @@ static pm_status save_weights(pm_fit *f, bool loud) {
     // What all weights files of the fit share.
     const pm_loss *loss = &f->training->stage[f->training->nstage - 1].loss;
     const bool steps = loss->residual == PM_RESIDUAL_STEP;
+    const int count = pm_system_components(system);
+    pm_arena arena = {0};
+    const char *fit = pm_arena_printf(
+        &arena, "%016" PRIx64, pm_digest_doubles(f->digest, pm_fit_kept(f), (size_t)f->size));
+    for (int i = 0; i < count && fit != NULL && strlen(fit) < LONGEST_FIT; ++i) {
+        const char *weights = weights_of(f->training->scene, i);
+        fit = weights == NULL ? fit : pm_arena_printf(&arena, "%s %s", fit, base_name(weights));
+    }
     pm_provenance p = (pm_provenance){
         .command = f->arguments->line,
         .data = f->data,
         .coordinates = pm_dataset_find_note(f->dataset, "coordinates"),
         .integrator = steps ? loss->integrator->name : NULL,
         .step = steps ? f->training->scene->physics.dt / loss->substeps : 0,
+        .fit = fit,
         .verdict = *f->verdict == '\0' ? "unfinished: the fit was not judged" : f->verdict,
         .trajectories = f->split.training,
         .nseen = f->dataset->ntrajectory,
@@ -136,8 +148,8 @@ static pm_status save_weights(pm_fit *f, bool loud) {
         .seed = f->training->seed,
         .loss = f->loss,
         .seconds = f->position.seconds};
-    pm_status status = PM_OK;
-    for (int i = 0; i < pm_system_components(system) && status == PM_OK; ++i) {
+    pm_status status = fit == NULL ? pm_fail(PM_ENOMEM, "out of memory for weights") : PM_OK;
+    for (int i = 0; i < count && status == PM_OK; ++i) {
         const char *weights = weights_of(f->training->scene, i);
         if (weights != NULL) {
             char path[4096];
@@ -151,6 +163,7 @@ static pm_status save_weights(pm_fit *f, bool loud) {
         }
     }
     pm_trained_scatter(system, before);
+    pm_arena_free(&arena);
     free(before);
     return status;
 }
