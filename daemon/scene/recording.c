@@ -6,6 +6,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -58,10 +59,15 @@ static const struct {
     const char *name, *unit;
     size_t column; // of pm_sample
     bool whole;    // a column of long
+    bool flows;    // a mean over the step before
 } of_subsystem[] = {
-#define NUMBER(type, name, series, unit) \
-    {series, unit, offsetof(pm_sample, name), _Generic((type)0, long : true, default : false)},
-#define BULK(member, name, series, unit) {series, unit, offsetof(pm_sample, name), false},
+#define NUMBER(type, name, series, unit)      \
+    {series, unit, offsetof(pm_sample, name), \
+     _Generic((type)0, long                   \
+              : true, default                 \
+              : false),                       \
+     false},
+#define BULK(member, name, series, unit) {series, unit, offsetof(pm_sample, name), false, true},
     PM_SUBSYSTEM_NUMBERS(NUMBER, BULK)};
 static const struct {
     const char *name, *unit;
@@ -418,6 +424,8 @@ static void put_sample(const pm_recording *r, const pm_sample *sample) {
     const pm_scene *scene = r->scene;
     const recorded_series *at = r->series;
     const int row = r->buffered;
+    const bool none = sample->step == 0; // no step was before, during which something has flowed
+    const pm_flux nothing = {NAN, NAN, NAN, NAN};
     *next(&at, row) = sample->time;
     *next(&at, row) = (double)sample->step;
     *next(&at, row) = sample->outside_energy + total(scene->physics.nsubsystem, sample->energy);
@@ -436,10 +444,11 @@ static void put_sample(const pm_recording *r, const pm_sample *sample) {
                 continue;
             }
             double *to = next(&at, row);
-            for (int m = 0; m < family->count && of_subsystem[k].whole; ++m) {
-                to[m] = (double)((const long *)column)[family->first + m];
+            const bool whole = of_subsystem[k].whole, empty = none && of_subsystem[k].flows;
+            for (int m = 0; m < family->count && (whole || empty); ++m) {
+                to[m] = empty ? NAN : (double)((const long *)column)[family->first + m];
             }
-            if (!of_subsystem[k].whole) {
+            if (!whole && !empty) {
                 memcpy(to, (const double *)column + family->first,
                        (size_t)family->count * sizeof *to);
             }
@@ -451,7 +460,8 @@ static void put_sample(const pm_recording *r, const pm_sample *sample) {
             double *to = of_end[k / 2].unit == NULL ? NULL : next(&at, row);
             for (int m = 0; m < family->count && to != NULL; ++m) {
                 const pm_flux *flux = &sample->flux[family->first + m][k % 2];
-                memcpy(to + m, (const char *)flux + of_end[k / 2].member, sizeof *to);
+                memcpy(to + m, (const char *)(none ? &nothing : flux) + of_end[k / 2].member,
+                       sizeof *to);
             }
         }
     }

@@ -350,11 +350,6 @@ static pm_status check_coordinates(const pm_system *system) {
     return PM_OK;
 }
 
-static int by_size(const void *a, const void *b) {
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 pm_status pm_system_check_range(const pm_system *system, int count, const double *z,
                                 const char *what) {
     const pm_scene *scene = system->scene;
@@ -366,28 +361,28 @@ pm_status pm_system_check_range(const pm_system *system, int count, const double
         }
         for (int g = 0; g < part->layout.ngroup; ++g) {
             const char *name = part->layout.group[g].name;
-            double value[SAMPLES];
-            int n = 0;
-            for (int k = 0; k < count && n < SAMPLES; ++k) {
-                const double *own = z + (size_t)k * (size_t)scene->physics.nz;
-                value[n] =
-                    pm_training_range_of_group(range, g, own + scene->physics.subsystem[i].first)
-                        .value;
-                n += isfinite(value[n]);
-            }
-            qsort(value, (size_t)n, sizeof *value, by_size);
-            const double low = range.low[g], high = range.high[g],
-                         median = n > 0 ? value[n / 2] : 0;
+            const double low = range.low[g], high = range.high[g];
             // What was nearly constant has no width.
-            const double width = fmax(high - low, NARROW * fmax(fabs(low), fabs(high)));
-            if (n > 0 && fmax(low - median, median - high) > FAR * width &&
+            const double most = FAR * fmax(high - low, NARROW * fmax(fabs(low), fabs(high)));
+            double value, far = 0;
+            int n = 0, above = 0, below = 0;
+            for (int k = 0; k < count; ++k) {
+                const double *own = z + (size_t)k * (size_t)scene->physics.nz;
+                own += scene->physics.subsystem[i].first;
+                value = pm_training_range_of_group(range, g, own).value;
+                n += isfinite(value);
+                above += value > high + most;
+                below += value < low - most;
+                far = value > high + most || value < low - most ? value : far;
+            }
+            if ((2 * above > n || 2 * below > n) &&
                 (pm_part_depends(part, &part->spec.energy, name) ||
                  pm_part_depends(part, &part->spec.entropy, name))) {
                 return pm_fail(PM_EDATA,
                                "%s: %s.%s is %.4g %s, and the weights %s were trained on %.4g to "
                                "%.4g: are they of another system, or is the unit another? With "
                                "`guards: {training_range: ...}` any distance is allowed",
-                               what, scene->physics.subsystem[i].name, name, median,
+                               what, scene->physics.subsystem[i].name, name, far,
                                part->layout.group[g].unit, system->component[i].provenance->path,
                                low, high);
             }

@@ -76,10 +76,10 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
 // specs itself calls it afterwards.
 pm_status pm_system_check_boundary_inputs(const pm_system *system);
 
-// Checks that the states z [count][nz] are no further from the training ranges of the weights than
-// five widths, in the median over the states: further away are other systems and other units.
-// Groups on which no potential depends may be anywhere, as may all if the scene has a guard for the
-// range. `what` names the states in the message. PM_EDATA.
+// Checks that at least half of the states z [count][nz] are no further from the training ranges of
+// the weights than five widths: further away are other systems and other units. Groups on which no
+// potential depends may be anywhere, as may all if the scene has a guard for the range. `what`
+// names the states in the message. PM_EDATA.
 pm_status pm_system_check_range(const pm_system *system, int count, const double *z,
                                 const char *what);
 

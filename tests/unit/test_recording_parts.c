@@ -1,6 +1,7 @@
 // A scene names the parts that a recording keeps. Without such names, the parts for which one key
 // of the scene stands share their series.
 #include <hdf5.h>
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -111,7 +112,10 @@ static void parts_of_a_range_share_their_series(void **state) {
             assert_true(z[3 * step + i] == 10 * step + i);
             assert_true(energy[3 * step + i] == 100 * step + i);
         }
-        assert_true(a[2 * step] == 0 && a[2 * step + 1] == step && b[2 * step + 1] == -step);
+        // Before the first step nothing has flowed.
+        assert_true(step == 0
+                        ? isnan(a[0]) && isnan(a[1]) && isnan(b[1])
+                        : a[2 * step] == 0 && a[2 * step + 1] == step && b[2 * step + 1] == -step);
     }
     pm_hdf5 *reader = NULL;
     assert_int_equal(pm_hdf5_open(&reader, path, PM_HDF5_ANY, PM_EFILE), PM_OK);
