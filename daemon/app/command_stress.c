@@ -26,6 +26,7 @@
 #define TRAJECTORIES 8  // of the reference among the starts
 #define LENGTHS 6       // steps: the scene's, times 2, 4, ...
 #define FACTORS 3       // inputs times 2, 4, 8
+#define SETS 12         // rollouts in whose middle a subsystem is set to another state
 #define MOST_CASES 512  // rollouts
 #define DRIFTS 0.01     // part of the energy moved from which the total counts as drifting
 #define BREAKS 0.1      // and as broken
@@ -86,7 +87,7 @@ static const char *explain(const rollout *r, char *text, size_t size) {
     return text;
 }
 
-static pm_status report(const stress *t) {
+static pm_status report(stress *t) {
     const pm_run_options *options = t->options;
     const rollout *first = NULL, *beyond = NULL; // failures
     int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}};
@@ -188,13 +189,28 @@ static pm_status report(const stress *t) {
     }
     const rollout *shown = first != NULL ? first : beyond;
     if (options->write != NULL && shown != NULL) {
-        // A scene that begins as the rollout did, with its steps.
+        // A scene that begins as the rollout did, or in the state that was set, with its steps.
+        const pm_physics *physics = &t->base.scene->physics;
+        const size_t nz = (size_t)physics->nz;
+        pm_rollout_spec spec = shown->spec;
+        pm_rollout_result result;
+        const double *z = shown->start->z;
+        spec.stepping.steps /= 2;
+        spec.set = NULL;
+        double *states =
+            pm_arena_array(&t->base.arena, (size_t)(spec.stepping.steps + 1) * nz, sizeof *states);
+        if (shown->spec.set != NULL && states != NULL) {
+            const pm_scene_subsystem *s = &physics->subsystem[shown->spec.subsystem];
+            double *at = states + (size_t)spec.stepping.steps * nz;
+            pm_rollout_run(&t->base, shown->start, &spec, states, &result);
+            memcpy(at + s->first, shown->spec.set + s->first, (size_t)s->layout.nz * sizeof *at);
+            z = at;
+        }
         char *scene = strdup(t->text), *value = NULL;
         size_t size;
         FILE *list = open_memstream(&value, &size);
-        for (int i = 0; list != NULL && i < t->base.scene->physics.nz; ++i) {
-            fprintf(list, "%s%.17g%s", i == 0 ? "[" : ", ", shown->start->z[i],
-                    i == t->base.scene->physics.nz - 1 ? "]" : "");
+        for (int i = 0; list != NULL && i < physics->nz; ++i) {
+            fprintf(list, "%s%.17g%s", i == 0 ? "[" : ", ", z[i], i == physics->nz - 1 ? "]" : "");
         }
         pm_status status = list == NULL || fclose(list) != 0 || scene == NULL
                                ? pm_fail(PM_ENOMEM, "out of memory for a scene")
@@ -203,7 +219,7 @@ static pm_status report(const stress *t) {
             status = pm_scene_text_put(&scene, "start", value);
         }
         // Its times are no multiples of another dt.
-        if (status == PM_OK && shown->spec.stepping.dt != t->base.scene->physics.dt) {
+        if (status == PM_OK && shown->spec.stepping.dt != physics->dt) {
             status = pm_scene_text_put(&scene, "reference", NULL);
         }
         if (status == PM_OK) {
@@ -314,6 +330,11 @@ static pm_status execute(const pm_run_options *options) {
             t.rollout[t.count - 1].own = false;
         }
     }
+    for (int i = 0; i < nstart[0] && i < SETS && nstart[0] > 1; ++i) {
+        add(&t, "a subsystem set to another state", &start[0][i], &own, 1, -1, 0);
+        t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
+        t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
+    }
     if (t.base.boundary_input.end > LONG) {
         own.steps = LONG;
         add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
@@ -336,10 +357,12 @@ const pm_command pm_command_stress = {
         "Runs the scene in one process from starts within the training range and up to three "
         "widths\n"
         "of it beyond, with steps of 2, 4, ... 32 times the length, with inputs that are larger,\n"
-        "vanish, jump or change their sign in every step, and for up to a million steps. Prints "
-        "for\n"
-        "each kind how many rollouts were good, drifted (the total energy by more than 1 % of the\n"
-        "energy that moves) or broke (an error, a violated law, no convergence, a drift of 10 %),\n"
+        "vanish, jump or change their sign in every step, with a subsystem that is set to another\n"
+        "state in the middle, and for up to a million steps. Prints for each kind how many "
+        "rollouts\n"
+        "were good, drifted (the total energy by more than 1 % of the energy that moves) or broke "
+        "(an\n"
+        "error, a violated law, no convergence, a drift of 10 %),\n"
         "the largest drift and fall of the entropy, the steps outside the training range, and a "
         "map\n"
         "of start and step. --write writes the scene of the first failure, with its start. The "

@@ -18,6 +18,7 @@
 #include "base/progress.h"
 #include "base/rng.h"
 #include "model/training_range.h"
+#include "sim/tally.h"
 
 #define LOOK 20000000   // ns between two looks at the workers
 #define MOST_WORKERS 64 // processes
@@ -62,7 +63,8 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
     const size_t nz = (size_t)physics->nz, ninput = (size_t)setup->boundary_input.n;
     const bool driven = ninput > 0 && (spec->drive != PM_DRIVE_PLAIN || spec->factor != 1);
     double *held = calloc(2 * ninput + 1, sizeof *held), *value = held + ninput;
-    double *first = calloc((size_t)physics->nsubsystem, sizeof *first);
+    double *first = calloc((size_t)physics->nsubsystem + nz, sizeof *first);
+    double *state = first + physics->nsubsystem;
     pm_local_run run = {0};
     *result = (pm_rollout_result){0};
     if (setup->reference != NULL && start->trajectory >= 0) {
@@ -92,6 +94,18 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
         if (step >= spec->stepping.steps ||
             (spec->seconds > 0 && cpu_clock() - started > spec->seconds)) {
             break;
+        }
+        if (spec->set != NULL && step == spec->stepping.steps / 2) {
+            const pm_scene_subsystem *s = &physics->subsystem[spec->subsystem];
+            pm_tally tally = {0};
+            memcpy(state, run.sample.z, nz * sizeof *state);
+            memcpy(state + s->first, spec->set + s->first, (size_t)s->layout.nz * sizeof *state);
+            pm_monolithic_set_state(run.monolithic, state);
+            pm_monolithic_set_step(run.monolithic, step);
+            run.sample = *pm_monolithic_sample(run.monolithic);
+            pm_tally_add_subsystems(&tally, setup->system, &run.sample);
+            pm_ledger_note_outside(&run.ledger, &tally);
+            memcpy(first, run.sample.energy, (size_t)physics->nsubsystem * sizeof *first);
         }
         if (driven) {
             const bool turns = (spec->drive == PM_DRIVE_JUMP && step / TURN % 2 == 1) ||

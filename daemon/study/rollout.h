@@ -28,7 +28,11 @@ typedef enum pm_drive {
 typedef struct pm_rollout_spec {
     pm_stepping stepping; // `steps` are taken
     pm_drive drive;
-    double factor;  // of the inputs; 1: as the scene says
+    double factor; // of the inputs; 1: as the scene says
+    // [scene->nz] In the middle of the run the subsystem number `subsystem` takes its state from
+    // here, as if somebody had set it (SERVING.md). NULL: nobody does.
+    const double *set;
+    int subsystem;
     double seconds; // of CPU time after which the rollout stops; 0: none
 } pm_rollout_spec;
 
