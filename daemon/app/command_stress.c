@@ -309,6 +309,11 @@ static pm_status execute(const pm_run_options *options) {
             add(&t, distance[k], &start[k][i], &own, 1, i < BEYOND + (k > 0) ? 0 : -1, k);
         }
     }
+    for (int i = 0; i < nstart[0] && i < SETS && nstart[0] > 1; ++i) {
+        add(&t, "a subsystem set to another state", &start[0][i], &own, 1, -1, 0);
+        t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
+        t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
+    }
     for (int l = 1; l < LENGTHS; ++l) {
         for (int k = 0; k < WIDTHS; ++k) {
             for (int i = k > 0; i < nstart[k] && i < BEYOND + (k > 0); ++i) {
@@ -329,11 +334,6 @@ static pm_status execute(const pm_run_options *options) {
             t.rollout[t.count - 1].spec.drive = (pm_drive)d;
             t.rollout[t.count - 1].own = false;
         }
-    }
-    for (int i = 0; i < nstart[0] && i < SETS && nstart[0] > 1; ++i) {
-        add(&t, "a subsystem set to another state", &start[0][i], &own, 1, -1, 0);
-        t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
-        t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
     }
     if (t.base.boundary_input.end > LONG) {
         own.steps = LONG;
