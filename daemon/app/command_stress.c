@@ -309,8 +309,8 @@ static pm_status execute(const pm_run_options *options) {
             add(&t, distance[k], &start[k][i], &own, 1, i < BEYOND + (k > 0) ? 0 : -1, k);
         }
     }
-    for (int i = 0; i < nstart[0] && i < SETS && nstart[0] > 1; ++i) {
-        add(&t, "a subsystem set to another state", &start[0][i], &own, 1, -1, 0);
+    for (int i = 0; i < SETS && (i < nstart[0] || i < physics->nsubsystem); ++i) {
+        add(&t, "a subsystem set to another state", &start[0][i % nstart[0]], &own, 1, -1, 0);
         t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
         t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
     }

@@ -167,46 +167,60 @@ int pm_rollout_starts(const pm_setup *setup, uint64_t seed, int trajectories, in
     }
     const int others = own < 0 ? 0 : setup->reference->ntrajectory - 1;
     const int known = 1 + (trajectories < others ? trajectories : others);
-    for (; n < count && (n < known || ranges); ++n) {
+    count = !ranges && known < count ? known : count;
+    for (; n < count; ++n) {
         double *z = pm_arena_array(arena, nz, sizeof *z);
         if (z == NULL) {
             return -1;
         }
         memcpy(z, setup->initial, nz * sizeof *z);
-        start[n] = (pm_start){.trajectory = own, .z = z};
+        start[n] = (pm_start){.trajectory = own, .z = z, .widths = n < known ? 0 : widths};
         if (n > 0 && n < known) {
             start[n].trajectory =
                 (own + 1 + (int)((seed + (uint64_t)n * 7) % (uint64_t)others)) % (others + 1);
             pm_columns_to_state(&setup->columns,
                                 pm_dataset_state(setup->reference, start[n].trajectory, 0), z);
         }
-        start[n].widths = n < known ? 0 : widths;
-        for (int i = 0; n >= known && i < physics->nsubsystem; ++i) {
-            const pm_training_range range = pm_training_range_of(setup->system->part[i]);
-            const pm_layout *layout = &physics->subsystem[i].layout;
-            double *own_z = z + physics->subsystem[i].first;
-            for (int g = 0; g < layout->ngroup && range.low != NULL; ++g) {
-                // The group's value, or the length of a vector with a random direction.
-                const pm_group *group = &layout->group[g];
-                const double low = range.low[g], width = range.high[g] - low;
-                double size = low + width * pm_rng_uniform(&rng), length = 0;
+    }
+    // The random ones make a Latin hypercube (McKay, Beckman and Conover, Technometrics 21, 1979):
+    // each group has one value in each of as many equal parts of its range as there are starts, so
+    // that other seeds lead to almost the same medians.
+    const int nrandom = count > known ? count - known : 0;
+    int *part = pm_arena_array(arena, (size_t)nrandom, sizeof *part);
+    if (part == NULL) {
+        return -1;
+    }
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_training_range range = pm_training_range_of(setup->system->part[i]);
+        const pm_layout *layout = &physics->subsystem[i].layout;
+        for (int g = 0; g < layout->ngroup && range.low != NULL; ++g) {
+            // The group's value, or the length of a vector with a random direction.
+            const pm_group *group = &layout->group[g];
+            const double low = range.low[g], width = range.high[g] - low;
+            for (int k = 0; k < nrandom; ++k) { // a random order
+                const int at = (int)pm_rng_below(&rng, (uint64_t)k + 1);
+                part[k] = part[at];
+                part[at] = k;
+            }
+            for (int k = 0; k < nrandom; ++k) {
+                double *z = (double *)start[known + k].z + physics->subsystem[i].first;
+                const double share = (part[k] + pm_rng_uniform(&rng)) / nrandom;
+                double size = low + width * share, length = 0;
                 if (widths > 0) { // on either side of the range
-                    const double beyond = width * widths * pm_rng_uniform(&rng);
+                    const double beyond = width * widths * share;
                     size = pm_rng_uniform(&rng) < 0.5 ? low - beyond : low + width + beyond;
                 }
-                for (int k = 0; k < group->size; ++k) {
-                    own_z[group->first + k] = pm_rng_normal(&rng);
-                    length += own_z[group->first + k] * own_z[group->first + k];
+                for (int c = group->first; c < group->first + group->size; ++c) {
+                    z[c] = pm_rng_normal(&rng);
+                    length += z[c] * z[c];
                 }
-                for (int k = 0; k < group->size; ++k) {
-                    own_z[group->first + k] =
-                        group->size == 1 ? size
-                                         : own_z[group->first + k] * fabs(size) / sqrt(length);
+                for (int c = group->first; c < group->first + group->size; ++c) {
+                    z[c] = group->size == 1 ? size : z[c] * fabs(size) / sqrt(length);
                 }
             }
         }
     }
-    return n;
+    return count;
 }
 
 void *pm_rollout_shared(size_t count, size_t size) {
