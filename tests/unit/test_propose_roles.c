@@ -257,47 +257,52 @@ static void a_string_in_a_field_has_a_length(void **state) {
     assert_proposal_says(text, "- {features: [q], hidden");
 }
 
+// Writes the model of the first subsystem of a scene with this answer about the whole scene.
+static void draft_part(const char *text_of_scene, const pm_dataset *data, pm_question question,
+                       int answer, char text[PM_PROPOSAL_TEXT]) {
+    pm_scene *scene = NULL;
+    assert_int_equal(pm_scene_parse(&scene, text_of_scene, "scene.yaml"), PM_OK);
+    const pm_proposal p = {.scene = scene, .dataset = data};
+    pm_part_view part;
+    int asked[1][PM_QUESTIONS], chosen[PM_SEARCH_CHOICES] = {0};
+    pm_draft d = {.p = &p, .part = &part, .asked = asked};
+    assert_int_equal(pm_look_make(&d.look, scene, data), PM_OK);
+    d.rotates = pm_view_parts(&d.look, &part);
+    pm_draft_ask(&d);
+    d.chosen = chosen;
+    assert_true(asked[0][question] >= 0);
+    chosen[asked[0][question]] = answer;
+    d.file = fmemopen(text, PM_PROPOSAL_TEXT, "w");
+    assert_non_null(d.file);
+    pm_draft_part(&d, &part);
+    assert_int_equal(fclose(d.file), 0);
+    pm_look_free(&d.look);
+    pm_scene_free(scene);
+}
+
 // Each answer about the size has as many processes as move four entropies independently, or one
-// between every two of them.
-static void larger_models_conduct_heat_between_any_two_bodies(void **state) {
+// between every two of them. Training starts at 300 K, or at 1 K.
+static void the_answers_about_a_scene_are_written(void **state) {
     (void)state;
     static const char *const column[] = {"a", "b", "c", "d"};
+    static const char scene[] =
+        "scene: heat\n"
+        "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
+        "subsystems:\n"
+        "  stack: {weights: a.h5, state: {s: {unit: kJ/K, columns: [a, b, c, d]}}}\n";
+    char text[PM_PROPOSAL_TEXT];
     pm_dataset *data = NULL;
     assert_int_equal(pm_dataset_new(&data, 3, 50, 4, 0.1, column), PM_OK);
     for (int i = 0; i < 3 * 50 * 4; ++i) {
         data->z[i] = sin(0.37 * i + i % 7);
     }
-    pm_scene *scene = NULL;
-    assert_int_equal(pm_scene_parse(&scene,
-                                    "scene: heat\n"
-                                    "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
-                                    "subsystems:\n"
-                                    "  stack: {weights: a.h5, state: {s: {unit: J/K, columns: [a, "
-                                    "b, c, d]}}}\n",
-                                    "scene.yaml"),
-                     PM_OK);
-    const pm_proposal p = {.scene = scene, .dataset = data};
-    pm_part_view part;
-    double temperature[4] = {0};
-    int asked[1][PM_QUESTIONS], chosen[PM_SEARCH_CHOICES] = {0};
-    pm_draft d = {.p = &p, .part = &part, .temperature = temperature, .asked = asked};
-    assert_int_equal(pm_look_make(&d.look, scene, data), PM_OK);
-    d.rotates = pm_view_parts(&d.look, &part);
-    pm_draft_ask(&d);
-    d.chosen = chosen;
-    for (int large = 0; large < 2; ++large) {
-        char *text = NULL;
-        size_t size = 0;
-        chosen[asked[0][PM_ASK_SIZE]] = large;
-        d.file = open_memstream(&text, &size);
-        assert_non_null(d.file);
-        pm_draft_part(&d, &part);
-        assert_int_equal(fclose(d.file), 0);
-        assert_proposal_says(text, large ? "acts_on: [s], rank: 6" : "acts_on: [s], rank: 3");
-        free(text);
+    for (int i = 0; i < 2; ++i) {
+        draft_part(scene, data, PM_ASK_SIZE, i, text);
+        assert_proposal_says(text, i == 1 ? "acts_on: [s], rank: 6" : "acts_on: [s], rank: 3");
+        draft_part(scene, data, PM_ASK_TEMPERATURE, i, text);
+        assert_proposal_says(text,
+                             i == 1 ? "{features: [s], temperature: 1e+03}" : "{features: [s]}");
     }
-    pm_look_free(&d.look);
-    pm_scene_free(scene);
     pm_dataset_free(data);
 }
 
@@ -310,7 +315,7 @@ int main(void) {
         cmocka_unit_test(a_length_and_a_momentum_are_conjugate_across_a_port),
         cmocka_unit_test(momenta_do_not_warm_a_body),
         cmocka_unit_test(a_string_in_a_field_has_a_length),
-        cmocka_unit_test(larger_models_conduct_heat_between_any_two_bodies),
+        cmocka_unit_test(the_answers_about_a_scene_are_written),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

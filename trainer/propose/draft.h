@@ -9,8 +9,6 @@
 #include "propose/search.h"
 #include "propose/view.h"
 
-#define PM_NEAR_ROOM 2.0 // ratio to 300 K up to which a temperature need not be given
-
 // What may be asked about a subsystem, a port or the whole scene. Units, ports and statistics give
 // the first answer; PM_AS_FOUND is that answer.
 typedef enum pm_question {
@@ -40,7 +38,7 @@ typedef enum pm_answer {
     PM_BY_SINES,
     PM_JOINT,         // one function with the rest
     PM_OF_MOTION,     // on what changes its sign when time runs backwards
-    PM_ROOM,          // 300 K
+    PM_REDUCED,       // 1 K, not 300 K
     PM_LARGE,         // networks that are twice as wide, and heat between any two bodies
     PM_EXCHANGE,      // what leaves one end of a port enters the other
     PM_BY_DIFFERENCES // functions of the differences of co-energies at both ends, and of entropies
@@ -52,7 +50,6 @@ typedef struct pm_draft {
     pm_look look;
     pm_part_view *part;  // [nsubsystem]
     pm_rotation rotates; // if not PM_ROTATION_NONE, the dynamics do not depend on directions
-    double *temperature; // [nz] K: of entropies (propose/temperature.h); 0: not known
     pm_hypotheses space;
     int (
         *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0

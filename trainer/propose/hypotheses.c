@@ -21,7 +21,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_SINES] = "of sine and cosine",
                                     [PM_JOINT] = "not apart",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
-                                    [PM_ROOM] = "300 K",
+                                    [PM_REDUCED] = "1 K, as in reduced units",
                                     [PM_LARGE] = "larger",
                                     [PM_EXCHANGE] = "by what one end loses and the other gains",
                                     [PM_BY_DIFFERENCES] =
@@ -44,9 +44,9 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     const int port = component - physics->nsubsystem;
     const char *text[PM_SEARCH_ALTERNATIVES];
     char name[PM_SEARCH_NAME];
-    const char *of = question == PM_ASK_TEMPERATURE || question == PM_ASK_SIZE ? "the scene"
-                     : port >= 0 ? physics->port[port].name
-                                 : physics->subsystem[component].name;
+    const char *of = question >= PM_ASK_TEMPERATURE ? "the scene"
+                     : port >= 0                    ? physics->port[port].name
+                                                    : physics->subsystem[component].name;
     snprintf(name, sizeof name, "%s of %s", what[question], of);
     for (int i = 0; i < count; ++i) {
         text[i] = words[answer[i]];
@@ -60,8 +60,8 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     // The groups of the subsystem, or those that the ends of the port expose.
     for (int i = 0, cell = 0; id >= 0 && i < physics->nsubsystem; ++i) {
         const pm_layout *own = &physics->subsystem[i].layout;
-        for (int g = 0; g < own->ngroup && question != PM_ASK_SIZE; ++g, ++cell) {
-            bool moved = i == component || question == PM_ASK_TEMPERATURE;
+        for (int g = 0; g < own->ngroup && question < PM_ASK_TEMPERATURE; ++g, ++cell) {
+            bool moved = i == component;
             for (int end = 0; port >= 0 && end < 2; ++end) {
                 const pm_scene_port *p = &physics->port[port];
                 moved = moved || (p->subsystem[end] == i &&
@@ -142,14 +142,9 @@ void pm_draft_ask(pm_draft *d) {
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
                            kinetic[] = {PM_AS_FOUND, PM_JOINT};
-    static const pm_answer temperature[] = {PM_AS_FOUND, PM_ROOM}, size[] = {PM_AS_FOUND, PM_LARGE};
+    static const pm_answer temperature[] = {PM_AS_FOUND, PM_REDUCED},
+                           size[] = {PM_AS_FOUND, PM_LARGE};
     const pm_physics *physics = &d->p->scene->physics;
-    const double room = PM_DEFAULT_TEMPERATURE;
-    bool far = false;
-    for (int c = 0; c < physics->nz; ++c) {
-        const double kelvin = d->temperature[c];
-        far = far || (kelvin > 0 && fmax(kelvin, room) > PM_NEAR_ROOM * fmin(kelvin, room));
-    }
     for (int i = 0; i < physics->nsubsystem + physics->nport; ++i) {
         for (int q = 0; q < PM_QUESTIONS; ++q) {
             d->asked[i][q] = -1;
@@ -157,9 +152,6 @@ void pm_draft_ask(pm_draft *d) {
     }
     if (d->p->form == PM_FREE) {
         return;
-    }
-    if (far) {
-        ask(d, PM_ASK_TEMPERATURE, 0, 2, temperature);
     }
     for (int component = 0; component < physics->nsubsystem + physics->nport; ++component) {
         const pm_scene_port *port = component < physics->nsubsystem
@@ -208,6 +200,15 @@ void pm_draft_ask(pm_draft *d) {
         if (port == NULL && n.apart) {
             ask(d, PM_ASK_KINETIC, component, 2, kinetic);
         }
+    }
+    bool warm = false;
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        for (int g = 0; g < d->part[i].count; ++g) {
+            warm = warm || (d->part[i].kind[g] == PM_VIEW_ENTROPY && !d->part[i].group[g].constant);
+        }
+    }
+    if (warm) {
+        ask(d, PM_ASK_TEMPERATURE, 0, 2, temperature);
     }
     ask(d, PM_ASK_SIZE, 0, 2, size);
 }

@@ -258,15 +258,6 @@ static void write_free(const pm_draft *d, const pm_layout *const layout[2],
 
 // --- subsystems: comments ---
 
-// Returns the mean temperature in K of the components of an entropy; 0 if it is not known.
-static double temperature_of(const pm_draft *d, const pm_part_view *v, int g) {
-    double sum = 0;
-    for (int c = 0; c < size_of(v, g); ++c) {
-        sum += d->temperature[v->group[g].first + c] / size_of(v, g);
-    }
-    return sum;
-}
-
 // --- subsystems: energy and entropy ---
 
 // Returns the hidden layers of an energy of so many inputs.
@@ -346,11 +337,9 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         if (coupled) {
             fprintf(f, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
         }
-        // The temperature with which training starts, where it is far from that of a room.
-        const double kelvin = temperature_of(d, v, g), room = PM_DEFAULT_TEMPERATURE;
-        if (kelvin > 0 && pm_draft_answer(d, PM_ASK_TEMPERATURE, 0) == PM_AS_FOUND &&
-            fmax(kelvin, room) > PM_NEAR_ROOM * fmin(kelvin, room)) {
-            fprintf(f, ", temperature: %.3g", kelvin * v->unit[g].factor);
+        // The temperature with which training starts, if not 300 K.
+        if (pm_draft_answer(d, PM_ASK_TEMPERATURE, 0) == PM_REDUCED) {
+            fprintf(f, ", temperature: %.3g", v->unit[g].factor);
         }
         fprintf(f, coupled ? "}   # heat, and its dependence on the rest: temperatures are "
                              "positive\n"
@@ -507,9 +496,6 @@ void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
         switch (v->kind[g]) {
         case PM_VIEW_ENTROPY:
             fprintf(f, "; an entropy by its unit");
-            if (temperature_of(d, v, g) > 0) {
-                fprintf(f, "; about %.3g K by conservation of energy", temperature_of(d, v, g));
-            }
             break;
         case PM_VIEW_HEAT:
             fprintf(f, "; takes up heat by its unit, since there is no entropy");

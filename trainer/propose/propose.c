@@ -14,7 +14,6 @@
 #include "base/unit.h"
 #include "data/unit_change.h"
 #include "propose/draft.h"
-#include "propose/temperature.h"
 #include "store/yaml.h"
 
 // Bounds on the substep times the fastest rate of change: in the last stage, and in a scene that
@@ -168,13 +167,11 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
     PM_TRY(pm_look_make(&d.look, p->scene, p->dataset));
     pm_arena *arena = &d.look.arena;
     d.part = pm_arena_array(arena, (size_t)physics->nsubsystem, sizeof *d.part);
-    d.temperature = pm_arena_array(arena, (size_t)physics->nz, sizeof *d.temperature);
     d.asked =
         pm_arena_array(arena, (size_t)(physics->nsubsystem + physics->nport), sizeof *d.asked);
     pm_status status = pm_arena_status(arena, "a proposal");
     if (status == PM_OK) {
         d.rotates = pm_view_parts(&d.look, d.part);
-        pm_look_temperatures(&d.look, d.part, d.temperature);
         pm_draft_ask(&d);
         d.space.write = write_vector;
         d.space.context = &d;
