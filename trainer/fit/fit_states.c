@@ -574,7 +574,9 @@ static pm_status score_states(pm_fit *f, pm_fit_score *score) {
                                    ? cell->rollout.median / cell->persistence.median
                                    : cell->one_step;
             sum += log(cell->one_step < EXACT_STEP ? EXACT_STEP : cell->one_step);
-            score->group[c < PM_FIT_SCORED_GROUPS ? c : 0] = own < EXACT_STEP ? EXACT_STEP : own;
+            if (c < PM_FIT_SCORED_GROUPS) {
+                score->group[c] = own < EXACT_STEP ? EXACT_STEP : own;
+            }
             ++count;
         }
     }
