@@ -10,7 +10,7 @@
 
 #include "portmet.h"
 
-enum { SINGLE = 10 }; // steps that are asked for one by one
+enum { SINGLE = 100 }; // steps that are asked for one by one
 
 static double now(void) {
     struct timespec t;

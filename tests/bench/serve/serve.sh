@@ -5,7 +5,7 @@
 . "$(dirname "$0")/../../support/private_network.sh"
 portmetd=$1
 bench=$2
-configs=$3
+configs=$(realpath "$3")
 python=$4
 runs=${5:-1000}
 folder=$(mktemp -d)
@@ -35,7 +35,7 @@ busy() {
 serve() {
     "$portmetd" serve "$@" 2>"$folder/err" &
     service=$!
-    until "$portmetd" query "$1" 2>/dev/null | grep -q ": idle"; do sleep 0.2; done
+    until "$portmetd" query "$1" 2>/dev/null | grep -q ": idle"; do kill -0 $service || exit 1; sleep 0.2; done
 }
 
 serve "$configs/double_pendulum.yaml"
