@@ -149,11 +149,14 @@ asks 8 "no service" stop
 # With checkpoints a run outlives the death of its processes.
 # The service manager hears when all processes are there, and then every second from the loop that does the work: one
 # that is stopped says nothing.
-python3 -c 'import socket, sys
+python3 -c 'import socket, struct, sys
 heard = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+heard.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
 heard.bind(sys.argv[1])
 while True:
-    print(heard.recv(512).decode().replace("\n", " "), flush=True)' "$folder/notify" >"$folder/notify.out" &
+    text, said = heard.recvmsg(512, 64)[:2]
+    print(struct.unpack("3i", said[0][2])[0], text.decode().split()[0], flush=True)' \
+    "$folder/notify" >"$folder/notify.out" &
 started="$started $!"
 wait_until test -S "$folder/notify" || fail "nobody listens for notices"
 heard() {
@@ -164,14 +167,14 @@ export NOTIFY_SOCKET="$folder/notify"
 start kept serve "$scene" --record "$records" --checkpoint "$folder/checkpoints"
 kept=$pid
 unset NOTIFY_SOCKET
-wait_until heard '^READY=1' 1 || fail "serve is never ready"
+wait_until heard "^$kept READY=1" 1 || fail "serve is never ready"
 "$portmetd" query "$scene" | grep -q '^pair: idle' || fail "ready before all processes are there"
-wait_until heard 'WATCHDOG=1' 2 || fail "the watchdog is not fed"
+wait_until heard "^$kept WATCHDOG=1" 2 || fail "the watchdog is not fed"
 kill -STOP $kept
 sleep 0.2
-before=$(wc -l <"$folder/notify.out")
+before=$(grep -c "^$kept " "$folder/notify.out")
 sleep 2
-[ "$(wc -l <"$folder/notify.out")" -eq "$before" ] || fail "a service that is stopped feeds the watchdog"
+[ "$(grep -c "^$kept " "$folder/notify.out")" -eq "$before" ] || fail "a service that is stopped feeds the watchdog"
 kill -CONT $kept
 "$portmetd" run "$scene" --steps 3000 --in-process --record "$folder/long.h5" --quiet || fail "the long run"
 timeout 120 "$portmetd" start "$scene" --steps 3000 --wait --record long.h5 >"$folder/client.out" 2>&1 &
