@@ -38,7 +38,7 @@ typedef struct pm_child {
     FILE *output;         // its standard error, a file in memory
     off_t size, shown;    // bytes of that file, and those already printed
     double grown;         // s of pm_clock when the child last wrote
-    const char *progress; // file that shows its progress; NULL: the child is not started again
+    const char *progress; // a file that changes while it progresses; NULL: it is not started again
     struct timespec seen; // time of that file at the last death
     int deaths;           // since that file last changed
     double started;       // s of pm_clock

@@ -25,7 +25,8 @@ typedef struct memory_pool {
     size_t end; // of all memory handed out so far, in numbers
 } memory_pool;
 
-// Returns the first of `size` numbers: of the smallest free interval that fits, or of new memory.
+// Takes `size` numbers from the smallest free interval that fits, or else from new memory. Returns
+// the position of the first one.
 static size_t pool_take(memory_pool *pool, size_t size) {
     int best = -1;
     for (int i = 0; i < pool->count; ++i) {

@@ -162,8 +162,8 @@ static pm_status check_name(const pm_control *control, const char *name) {
                : pm_fail(PM_EUSAGE, "portmetd serve was given no folder for recordings");
 }
 
-// Begins a run, or takes the present one to another state: to its start, or, if it goes on `from` a
-// step, to the state r->z there. `set` tells that somebody has set this state.
+// Begins a run, or takes the present one to another state: to its start, or with `from` to the
+// state r->z at that step. `set` tells that somebody has set this state.
 static pm_status begin(pm_control *control, client *from_client, const portmet_control_t *r,
                        const pm_lockstep_point *from, bool set) {
     pm_lockstep_coordinator *c = control->coordinator;

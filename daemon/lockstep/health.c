@@ -225,8 +225,8 @@ static bool is_waiting(const portmet_health_t *m, int64_t i) {
            m->waits_part[i] > 0.5;
 }
 
-// Follows from a process to the one that it waits for, and on, to one that does not wait. Who waits
-// for the coordinator waits for whom this one waits for: the process that waits least.
+// Goes from a process to the one that it waits for, and on, until a process does not wait. The
+// coordinator itself waits for the process that waits least.
 static int64_t find_root(const portmet_health_t *m, int64_t from) {
     int64_t at = from;
     for (int i = 0; i <= m->nprocess && at != PM_HEALTH_NOBODY; ++i) {

@@ -153,8 +153,8 @@ static void ask(pm_lockstep_node *node, int64_t coordinator) {
         node->next = node->endpoint.now; // the next poll says hello
         return;
     }
-    // A question to a coordinator that this node does not follow yet is never given up for one to
-    // its own, which may be dead.
+    // The node keeps a question to a new coordinator, and does not replace it by one to its own
+    // coordinator, which may be dead.
     if (node->to_ask == 0 || coordinator != node->coordinator) {
         node->to_ask = coordinator;
     }

@@ -11,11 +11,11 @@
 #include "base/rng.h"
 #include "base/status.h"
 
-// Until when a trained entry stays as it starts.
+// When training begins to change an entry.
 typedef enum pm_lateness {
-    PM_AT_ONCE,     // it does not
-    PM_LATE,        // the trainer has compared several initial weights
-    PM_LATE_LAYERS, // and has fitted the best of them with what is PM_LATE
+    PM_AT_ONCE,     // from the start
+    PM_LATE,        // after it has compared several initial weights
+    PM_LATE_LAYERS, // after it has fitted the best of them, with entries that are PM_LATE
 } pm_lateness;
 
 typedef struct pm_param_entry {

@@ -211,7 +211,7 @@ static pm_status add_port(pm_model *m, int id, bool a, bool b) {
         group = m->nport_group++;
         m->port_group[group].end[0].computed = a;
         m->port_group[group].end[1].computed = b;
-        // The first member stands here until the members are listed.
+        // `id` holds the first member alone until all members are listed.
         m->port_group[group].id = m->joint + m->njoint;
     }
     const int lane = m->port_group[group].count++;

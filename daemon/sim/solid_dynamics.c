@@ -13,7 +13,8 @@
 #define ROUNDING 1e-14
 // The times that a move is shortened because the heat would be negative.
 #define MOST_SHORTER 8
-// The first shortening removes this many times the missing heat, since its slope is an estimate.
+// The first shortening aims at this many times the missing heat: how the heat depends on the length
+// of the move is only estimated.
 #define CAUTION 1.1
 
 // --- opening ---
@@ -102,8 +103,8 @@ void pm_solid_dynamics_expose(pm_solid_dynamics *d, const double *z, const doubl
 
 // --- a step ---
 
-// Returns the heat of a move to the body's present state, from the state z with this stored energy,
-// in J. *work becomes that of the ports.
+// Returns the heat in J of a move from the state z, whose stored energy is `stored`, to the body's
+// present state. *work becomes the work of the ports.
 static double heat_of(const pm_solid_dynamics *d, const double *z, double stored, double *work) {
     const double *u = pm_solid_displacement(d->solid);
     *work = 0;

@@ -161,8 +161,8 @@ static size_t size_of(const char *name) {
 
 static void emit_names(emitter *e, int count, const char *const *name, size_t offset);
 
-// Compares the word at offset `at`, which is the same in all these names, and then the rest of the
-// names.
+// All these names have the same word at offset `at`. Compares the message with this word, and then
+// with the rest of each name.
 static void emit_branch(emitter *e, int count, const char *const *name, size_t at, size_t *loaded) {
     // Loads the word, counted from the channel's start X bytes into the packet, unless it is loaded
     // already.

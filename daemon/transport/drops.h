@@ -41,8 +41,8 @@ typedef struct pm_drops {
     long count[PM_NDROP];
 } pm_drops;
 
-// Returns true if no process of a run causes drops for this reason, whatever the network does with
-// its messages.
+// Returns true if only a stranger can cause drops for this reason, whatever the network does with
+// the messages of a run.
 bool pm_drop_is_strange(pm_drop drop);
 
 // Returns the reason in one to three words, e.g. "not finite".

@@ -5,7 +5,8 @@
 #include <stdlib.h>
 
 #define NEIGHBOURS 6 // samples of the polynomial, half of them on each side
-// Mean square miss of a line, relative to that of changes, from which on samples jump or are noisy.
+// Samples jump, or are noisy, if the mean square error of a line through their neighbours is at
+// least this part of their mean square change.
 #define BROKEN 0.2
 // Root mean square change, relative to the deviation, of a column that jumps at many samples.
 #define LARGE 0.3

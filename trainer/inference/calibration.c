@@ -83,8 +83,8 @@ static pm_status compare(calibration *c, const pm_estimate *e, int id, int traje
                               .trajectory = trajectory,
                               .column = i,
                               .position = c->s->observation->column[i]};
-        // Notes the samples of one column after the first seconds, but not those whose error stands
-        // out from those of both neighbours, as that of an outlier does.
+        // Notes the samples of one column after the first seconds. Leaves out outliers: samples
+        // whose error differs much from the errors of both neighbours.
         const double first = pm_dataset_time(p.data, trajectory, 0);
         const double limit = OUTLIER * c->u->noise[i];
         for (int k = 0; k < e->ntime && c->nsample < capacity; ++k) {

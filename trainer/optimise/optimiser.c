@@ -193,12 +193,12 @@ static const pm_damping damping_of_weights = {
 // A guarded run ends when this number of iterations has not lowered the loss by this factor.
 #define PATIENCE 10
 #define PROGRESS 0.98
-// Where the moment holds that loss, and the robust scale D^2 at that time.
+// Places in the moment: of the loss that PATIENCE compares with, and of the robust scale D^2 at the
+// time of that loss.
 #define SETTLED 2
 #define SETTLED_SCALE 3
-// The most weights for which the matrix is formed and factorised, and the most residuals of a
-// sample: the matrix takes a reverse pass for each of them, and conjugate gradients take about
-// three for each of a hundred iterations.
+// The most weights, and the most residuals of a sample, for which the matrix is formed. It takes a
+// reverse pass for each residual. Conjugate gradients take about three hundred passes instead.
 #define MOST_WEIGHTS_OF_MATRIX 4000
 #define MOST_RESIDUALS_OF_MATRIX 300
 

@@ -46,7 +46,7 @@ typedef struct pm_part_view {
     double sign[PM_MAX_GROUPS];
     // Directions of four components: how the spin turns the quaternion.
     pm_quaternion quaternion[PM_MAX_GROUPS];
-    // Positions: momenta explain the rate linearly, but for 0.1 % of its variance.
+    // Positions: the rate is linear in momenta, but for 0.1 % of its variance.
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
