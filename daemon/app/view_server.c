@@ -261,7 +261,7 @@ void pm_view_server_close(pm_view_server *server) {
 
 // --- serving ---
 
-// The library calls this before it waits again, and would wait on.
+// Ends the wait of the library, which would otherwise wait on after a timer.
 static void on_timer(lws_sorted_usec_list_t *timer) {
     pm_view_server *s = lws_container_of(timer, pm_view_server, timer);
     s->due = true;

@@ -78,7 +78,8 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     }
 }
 
-// What the groups of a subsystem, or those that one end of a port exposes, allow to ask.
+// Properties of the groups of a subsystem, or of those that one end of a port exposes. They decide
+// which questions make sense.
 typedef struct inventory {
     int coupled;     // components that a learned L may couple
     int lossy, heat; // components on which friction may act, and of entropies
