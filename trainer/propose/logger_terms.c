@@ -293,12 +293,13 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 add_term(&turning, y->mate, VALUE, y->mate, VALUE);
                 add_term(&turning, y->mate, VALUE, y->mate, SQUARE);
             }
+            add_term(&turning, i, VALUE, i, SIZE);
+            add_term(&turning, i, VALUE, i, SQUARE);
             const int forces = turning.count;
             if (angle) {
                 add_angle(&turning, i, SQUARE, y->mate, 1, FEWEST_HARMONICS);
             } else {
                 add_term(&turning, i, SQUARE, y->mate, VALUE);
-                add_term(&turning, i, SQUARE, i, SIZE);
             }
             v->turns[i] = gain_of(w, i, &turning, forces, work, NULL) > GAINS;
             if (v->turns[i] && v->column[y->mate].angle) {
