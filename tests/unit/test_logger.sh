@@ -92,6 +92,25 @@ succeed "u [V]: an input; drives i1; held between samples" propose --budget 0 --
 sed -i 's/iterations: [0-9]*/iterations: 12/' "$folder/coils/training.yaml"
 succeed "Verdict: good" fit "$folder/coils/training.yaml" -o "$folder/coils/weights"
 
+# A mass on a spring, whose damper has a force that grows with the cube of the velocity.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 2*rand() - 1; v = 2*rand() - 1; print "t [s],q [m],v [m/s]"
+        for (k = 0; k < 150; k++) {
+            printf "%.3f,%.12g,%.12g\n", 0.02*k, q, v
+            for (j = 0; j < 40; j++) {
+                h = 0.0005; qm = q + h/2*v; vm = v - h/2*(1.2*q + 1.7*v^3)
+                q += h*vm; v -= h*(1.2*qm + 1.7*vm^3)
+            }
+        }
+    }' >"$folder/damper_$i.csv"
+done
+succeed "v [m/s]: a co-energy" propose --budget 0 --data "$folder"/damper_?.csv -o "$folder/damper"
+! grep -q "exp(0" "$folder/damper/training.yaml" || fail "propose: the mass does not depend on its place"
+succeed "Verdict: good" fit "$folder/damper/training.yaml" -o "$folder/damper/weights"
+error=$(awk '$1 == "system" && $2 == "v" { print $8 }' "$folder/out")
+[ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.01) }')" = 1 ] || fail "fit: expected errors below 0.01 %, found $error"
+
 # A sledge of which only the place is known: its velocity is hidden, and its mass follows from the force.
 for i in 1 2 3 4 5; do
     awk -v seed=$i 'BEGIN {

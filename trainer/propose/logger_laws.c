@@ -573,6 +573,10 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         fprintf(w->model,
                 one ? " + quadratic_%s*|%s|/%.4g" : " + quadratic_%s*sqrt((%s)^2 + %.4g)/%.4g",
                 name, x, one ? d : dry * dry, d);
+        if (y->mate >= 0) {
+            pm_logger_constant(w, "cubic", name, SMALL * start);
+            fprintf(w->model, " + cubic_%s*(%s)^2/%.4g", name, x, d * d);
+        }
     }
     if (law <= DRY_FRICTION) {
         pm_logger_constant(w, "dry", name, SMALL * start);
