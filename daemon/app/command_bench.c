@@ -27,17 +27,22 @@
 #define MOST_ROUNDS 128      // exchanges in a step of the finest setting, or
 #define MOST_TIMES 4         // times as many as the scene makes
 #define REFERENCE_ROUNDS 768 // exchanges in a step of a reference
-#define ALL_ROUNDS 6000      // exchanges in a step of all settings and references together
+#define ALL_ROUNDS 9000      // exchanges in a step of all settings and references together
 #define ALL_TIMES 100        // or times as many as the scene makes
 #define SHARE 0.7            // of the budget that they are planned to take
 #define TRIAL 0.1            // s of CPU time in which the cost of a step is measured
 #define CERTAIN 100          // by how much the references agree better than the best setting
 #define MOST_GROUPS 64       // names of groups
+#define FRESH 4              // times as many other starts, from which the advice is measured again
+#define CHOICES 3            // settings that are measured again at once
+#define MOST_CHOICES 4       // times
+#define BLOCK 8              // starts of a task
 
 // A setting, and what is measured of it: medians over the starts.
 typedef struct setting {
     pm_stepping stepping;
     bool served; // the scene allows it
+    bool again;  // its errors are those from the other starts
     bool done;
     double error, largest;   // of the states, relative, in the worst group; of the worst start
     double sure;             // the median's upper bound, for the choice
@@ -58,6 +63,10 @@ typedef struct bench {
     double *produced;   // [nstart] J/K, shared
     setting *reference; // [2] shared
     double *other;      // [nstart] shared: errors of the second reference against the first
+    pm_start fresh[FRESH * STARTS]; // other starts
+    int nfresh, nchoice;
+    setting *choice[CHOICES];
+    double *error; // [CHOICES][FRESH * STARTS] shared: of the choices; -1: not measured
 } bench;
 
 // The relative error of the worst group of variables; groups of the same name are one.
@@ -97,6 +106,16 @@ static double error_of(const bench *b, const double *z, const double *truth) {
     return worst;
 }
 
+// The median over `count` starts, the worst, and a bound of the median: pm_box_of sorts the errors,
+// and a median of as many other starts lies below it in nine cases of ten.
+static void summarise(setting *s, int count, double *error) {
+    const pm_box box = pm_box_of(count, error);
+    const int at = (int)(0.5 * (count - 1) + 0.64 * sqrt(count));
+    s->error = box.median;
+    s->largest = box.largest;
+    s->sure = error[at < count ? at : count - 1];
+}
+
 // Measures one setting in a child process. The references come first: they have negative numbers.
 static void measure(void *context, int task) {
     bench *b = context;
@@ -132,12 +151,7 @@ static void measure(void *context, int task) {
                 b->other[i] = error[i];
             }
         }
-        const pm_box box = pm_box_of(b->nstart, error);
-        s->error = box.median;
-        s->largest = box.largest;
-        // pm_box_of has sorted the errors: a median of others lies below this in nine cases of ten.
-        const int at = (int)(0.5 * (b->nstart - 1) + 0.64 * sqrt(b->nstart));
-        s->sure = error[at < b->nstart ? at : b->nstart - 1];
+        summarise(s, b->nstart, error);
         s->energy = pm_box_of(b->nstart, energy).median;
         s->produced = pm_box_of(b->nstart, produced).median;
         s->seconds = pm_box_of(b->nstart, seconds).median;
@@ -147,6 +161,83 @@ static void measure(void *context, int task) {
     s->done = true;
     pm_setup_free(&setup);
     free(z);
+}
+
+// Measures the choices from a block of the other starts, against the first reference.
+static void measure_again(void *context, int task) {
+    bench *b = context;
+    const size_t size = (size_t)(b->steps + 1) * (size_t)b->base.scene->physics.nz;
+    double *truth = calloc((BLOCK + 1) * size, sizeof *truth), *z = truth + BLOCK * size;
+    for (int c = -1; c < b->nchoice && truth != NULL; ++c) {
+        pm_rollout_spec spec = {.factor = 1};
+        pm_setup setup;
+        spec.stepping = c < 0 ? b->reference[0].stepping : b->choice[c]->stepping;
+        spec.stepping.steps = b->steps;
+        const bool opened = pm_rollout_open(&setup, &b->base, b->text, &spec.stepping) == PM_OK;
+        for (int i = task * BLOCK; i < b->nfresh && i < (task + 1) * BLOCK && opened; ++i) {
+            pm_rollout_result result;
+            double *own = truth + (size_t)(i % BLOCK) * size;
+            pm_rollout_run(&setup, &b->fresh[i], &spec, c < 0 ? own : z, &result);
+            const bool whole = result.status == PM_OK && result.steps == b->steps;
+            if (c < 0) {
+                own[0] = whole ? own[0] : NAN;
+            } else {
+                b->error[c * FRESH * STARTS + i] = whole ? error_of(b, z, own) : INFINITY;
+            }
+        }
+        pm_setup_free(&setup);
+    }
+    free(truth);
+}
+
+// The advice was chosen from few starts, as the one that looks best. Measures the fastest settings
+// that look good enough from other starts, until the fastest one is.
+static pm_status choose(bench *b, double target, double end) {
+    for (int turn = 0; turn < MOST_CHOICES && b->nfresh > b->nstart; ++turn) {
+        bool known = false; // the fastest one is measured
+        b->nchoice = 0;
+        for (double after = -1; b->nchoice < CHOICES && !known;) {
+            setting *next = NULL;
+            for (int i = 0; i < b->nsetting; ++i) {
+                setting *s = &b->setting[i];
+                if (s->done && s->served && s->sure <= target && s->seconds > after &&
+                    (next == NULL || s->seconds < next->seconds)) {
+                    next = s;
+                }
+            }
+            if (next == NULL) {
+                break;
+            }
+            known = next->again;
+            after = next->seconds;
+            if (!known) {
+                b->choice[b->nchoice++] = next;
+            }
+        }
+        if (b->nchoice == 0) {
+            break;
+        }
+        for (int i = 0; i < CHOICES * FRESH * STARTS; ++i) {
+            b->error[i] = -1;
+        }
+        PM_TRY(pm_rollout_parallel(0, (b->nfresh + BLOCK - 1) / BLOCK, measure_again, b,
+                                   end - pm_clock(), "other starts", b->options->stop));
+        for (int c = 0; c < b->nchoice; ++c) {
+            double *error = b->error + c * FRESH * STARTS;
+            int count = 0;
+            for (int i = 0; i < b->nfresh; ++i) {
+                if (error[i] >= 0) {
+                    error[count++] = error[i];
+                }
+            }
+            if (count <= b->nstart) {
+                return PM_OK; // the time is over
+            }
+            summarise(b->choice[c], count, error);
+            b->choice[c]->again = true;
+        }
+    }
+    return PM_OK;
 }
 
 static int by_time(const void *left, const void *right) {
@@ -363,7 +454,11 @@ static pm_status execute(const pm_run_options *options) {
     b.reference = pm_rollout_shared(2, sizeof *b.reference);
     b.truth = pm_rollout_shared(size, sizeof *b.truth);
     b.produced = pm_rollout_shared(2 * STARTS, sizeof *b.produced);
-    if (b.setting == NULL || b.reference == NULL || b.truth == NULL || b.produced == NULL) {
+    b.error = pm_rollout_shared(CHOICES * FRESH * STARTS, sizeof *b.error);
+    b.nfresh = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1 + INT32_MAX, TRAJECTORIES,
+                                 FRESH * b.nstart, 0, &b.base.arena, b.fresh);
+    if (b.setting == NULL || b.reference == NULL || b.truth == NULL || b.produced == NULL ||
+        b.error == NULL) {
         status = pm_fail(PM_ENOMEM, "out of memory for a bench");
         goto done;
     }
@@ -416,6 +511,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     PM_TRY_DONE(
         pm_rollout_parallel(0, b.nsetting, measure, &b, end - pm_clock(), "bench", options->stop));
+    PM_TRY_DONE(choose(&b, target / 100, end));
     status = report(&b, target / 100);
 done:
     free(b.text);
