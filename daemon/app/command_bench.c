@@ -190,29 +190,28 @@ static void measure_again(void *context, int task) {
     free(truth);
 }
 
+static int by_time(const void *left, const void *right) {
+    const double a = (*(const setting *const *)left)->seconds;
+    const double b = (*(const setting *const *)right)->seconds;
+    return (a > b) - (a < b);
+}
+
 // The advice was chosen from few starts, as the one that looks best. Measures the fastest settings
 // that look good enough from other starts, until the fastest one is.
 static pm_status choose(bench *b, double target, double end) {
     for (int turn = 0; turn < MOST_CHOICES && b->nfresh > b->nstart; ++turn) {
-        bool known = false; // the fastest one is measured
-        b->nchoice = 0;
-        for (double after = -1; b->nchoice < CHOICES && !known;) {
-            setting *next = NULL;
-            for (int i = 0; i < b->nsetting; ++i) {
-                setting *s = &b->setting[i];
-                if (s->done && s->served && s->sure <= target && s->seconds > after &&
-                    (next == NULL || s->seconds < next->seconds)) {
-                    next = s;
-                }
+        setting *sorted[MOST_SETTINGS];
+        int count = 0;
+        for (int i = 0; i < b->nsetting; ++i) {
+            setting *s = &b->setting[i];
+            if (s->done && s->served && s->sure <= target) {
+                sorted[count++] = s;
             }
-            if (next == NULL) {
-                break;
-            }
-            known = next->again;
-            after = next->seconds;
-            if (!known) {
-                b->choice[b->nchoice++] = next;
-            }
+        }
+        qsort(sorted, (size_t)count, sizeof *sorted, by_time);
+        b->nchoice = 0; // none if the fastest one was measured again
+        for (int i = 0; i < count && i < CHOICES && !sorted[i]->again; ++i) {
+            b->choice[b->nchoice++] = sorted[i];
         }
         if (b->nchoice == 0) {
             break;
@@ -224,26 +223,20 @@ static pm_status choose(bench *b, double target, double end) {
                                    end - pm_clock(), "other starts", b->options->stop));
         for (int c = 0; c < b->nchoice; ++c) {
             double *error = b->error + c * FRESH * STARTS;
-            int count = 0;
+            int measured = 0;
             for (int i = 0; i < b->nfresh; ++i) {
                 if (error[i] >= 0) {
-                    error[count++] = error[i];
+                    error[measured++] = error[i];
                 }
             }
-            if (count <= b->nstart) {
+            if (measured <= b->nstart) {
                 return PM_OK; // the time is over
             }
-            summarise(b->choice[c], count, error);
+            summarise(b->choice[c], measured, error);
             b->choice[c]->again = true;
         }
     }
     return PM_OK;
-}
-
-static int by_time(const void *left, const void *right) {
-    const double a = (*(const setting *const *)left)->seconds;
-    const double b = (*(const setting *const *)right)->seconds;
-    return (a > b) - (a < b);
 }
 
 static const char *describe(const setting *s, char *text, size_t size) {
