@@ -132,7 +132,8 @@ static pm_status try_guesses(hidden_search *s, int from) {
                          s->trial + from, &s->used));
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
-        const double other = error_of(s, s->best);
+        // Errors as large as the deviation tell no guess from another.
+        const double other = fmin(error_of(s, s->best), 1);
         if (error < (s->best < from ? BETTER : 1) * other) {
             s->best = i;
         }
