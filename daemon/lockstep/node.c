@@ -12,7 +12,8 @@
 //                             hello, tick, END or ABORT of an    HELLO     hello that names it
 //                               unknown coordinator
 //                             proven tick, nothing granted       RUNNING   report of the first
-//                             state proven tick, steps granted, and a  RUNNING   hello
+//                                                                          state
+//                             proven tick, steps granted, and a  RUNNING   hello
 //                               checkpoint of its session
 //                             patience passed                    FAILING
 //                             proven END or ABORT                LEAVING   BYE
@@ -53,8 +54,7 @@
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
 // FAILING                                                                    keeps no checkpoint
 // RUNNING                     tick of its coordinator with a     RUNNING   report of the first
-// state
-//                               later run, nothing granted
+//                               later run, nothing granted                 state
 //
 // A node that stays goes to HELLO where the table says FINISHED, but for a refusal and an
 // interrupt, and where it says FAILING because the coordinator is silent. In HELLO it waits as long

@@ -197,8 +197,9 @@ static void test_coordinator_at_the_beginning(void **context) {
     }
 }
 
-// A node that returns during the end of the run receives END as the answer to its hello. It ignores
-// an END that answers nothing, such as one of an earlier run; so does a node without checkpoints.
+// A node that returns during the end of the run receives END as the answer to its hello, with
+// checkpoints and without them: a client may have stopped the run before its last step. It ignores
+// an END that answers nothing, such as one of an earlier run.
 static void test_node_at_the_end(void **context) {
     (void)context;
     for (int i = 0; i < 4; ++i) {
@@ -224,7 +225,7 @@ static void test_node_at_the_end(void **context) {
         const size_t size = pm_command_encode(&end, data, sizeof data);
         assert_int_equal(pm_transport_publish(stranger, "chain_COMMAND", data, size), PM_OK);
         assert_int_equal(pm_transport_wait(transport, 0, NULL), PM_OK);
-        assert_int_equal(node->phase >= PM_NODE_LEAVING, keeps && answers);
+        assert_int_equal(node->phase >= PM_NODE_LEAVING, answers);
         assert_int_equal(pm_lockstep_node_result(node), PM_OK);
         pm_lockstep_node_close(node);
         pm_transport_close(stranger);
