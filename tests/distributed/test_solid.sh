@@ -68,6 +68,7 @@ ends pair $pid 0 ""
 for victim_name in lower gap; do
     start pair_killed run "$folder/pair.yaml" --checkpoint "$folder/kept_$victim_name" --held \
         --record "$folder/pair_killed.h5" --overwrite
+    goes_on "$folder/pair.yaml" 14
     held pair_killed 14
     find_child $pid $victim_name
     kill -KILL "$victim" || fail "nobody to kill"
