@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/linalg.h"
 #include "library/fleet.h"
@@ -247,6 +248,46 @@ int portmet_scene_restart(portmet_scene *scene, const double *z) {
     return leave(scene, restart(scene, z));
 }
 
+static pm_status copy_scene(portmet_scene *scene, portmet_scene *from) {
+    if (scene->remote != NULL || from->remote != NULL) {
+        return pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere",
+                       scene_name(from->remote != NULL ? from : scene));
+    }
+    if (scene->setup.system->digest != from->setup.system->digest) {
+        return pm_fail(PM_EUSAGE, "scenes %s and %s were not opened from the same files",
+                       scene_name(scene), scene_name(from));
+    }
+    PM_TRY(end_recording(scene));
+    const size_t n = (size_t)scene->setup.scene->physics.nprescribed;
+    if (n > 0) {
+        memcpy(scene->input, from->input, n * sizeof *scene->input);
+    }
+    return pm_local_run_copy(&scene->run, &from->run);
+}
+
+int portmet_scene_copy(portmet_scene *scene, portmet_scene *from) {
+    if (scene == from || enter(scene) != PM_OK) {
+        return scene == from ? PORTMET_OK : PORTMET_EUSAGE;
+    }
+    pm_status status = enter(from);
+    if (status == PM_OK) {
+        status = copy_scene(scene, from);
+        atomic_flag_clear(&from->busy);
+    }
+    return leave(scene, status);
+}
+
+int portmet_scene_efforts(portmet_scene *scene, double *coenergy, double *reaction) {
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    if (scene->remote != NULL) {
+        return leave(scene, pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene)));
+    }
+    pm_monolithic_efforts(scene->run.monolithic, coenergy, reaction);
+    return leave(scene, PM_OK);
+}
+
 // Asks those who step the scene elsewhere.
 static int ask(portmet_scene *scene, portmet_control_t request) {
     if (enter(scene) != PM_OK) {
@@ -373,6 +414,14 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
         return name_of(&s->run.reference, 1, index);
     case PORTMET_SCENE:
         return name_of(&s->name, 1, index);
+    case PORTMET_COENERGY_NAME:
+        return name_of(v->slope[0].name, s->physics.nz, index);
+    case PORTMET_COENERGY_UNIT:
+        return name_of(v->slope[0].unit, s->physics.nz, index);
+    case PORTMET_REACTION:
+        return name_of(v->reaction.name, s->physics.nprescribed / 3, index);
+    case PORTMET_REACTION_UNIT:
+        return name_of(v->reaction.unit, s->physics.nprescribed / 3, index);
     default:
         return NULL;
     }

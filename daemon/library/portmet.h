@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: MIT */
 /* libportmet: opens a scene of learned thermodynamic subsystems and steps it in the caller's
  * process.
  *
@@ -90,6 +91,11 @@ int portmet_scene_compile(portmet_scene *scene);
  * that has failed must be ended before the next step. */
 int portmet_scene_step(portmet_scene *scene, int64_t count);
 
+/* Takes a scene that was opened from the same files to where `from` is: state, step, ledger and
+ * boundary inputs become those of `from`, and both go on with the same bits. A recording of `scene`
+ * ends. PORTMET_EUSAGE: the scenes differ, or portmet_scene_connect has opened one of them. */
+int portmet_scene_copy(portmet_scene *scene, portmet_scene *from);
+
 /* Starts again at step 0 with an empty ledger, at the state z, which has the size and the order of
  * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends.
  * PORTMET_ENUMERIC: a number of `z` is not finite; the run is as it was. */
@@ -158,19 +164,32 @@ const double *portmet_scene_array(const portmet_scene *scene, int array, size_t 
  * The scene owns the array. NULL: the scene has no boundary inputs. */
 double *portmet_scene_inputs(portmet_scene *scene, size_t *size);
 
+/* Computes what a scene shows to its neighbours at the present state. `coenergy` [variables] are
+ * the co-energies dE/dz: velocities, forces, temperatures, pressures, voltages. Where a group is
+ * given by its co-energy, it is that of the energy variable inside. `reaction` [R], unless it is
+ * NULL, are the rates that all ports give to what the boundary inputs prescribe, at their present
+ * values: the force of a pivot whose velocity is prescribed. Effort times reaction is a power into
+ * the outside. R is the number of names of the kind PORTMET_REACTION. PORTMET_EUSAGE: the scene is
+ * stepped elsewhere. */
+int portmet_scene_efforts(portmet_scene *scene, double *coenergy, double *reaction);
+
 /* The kinds of names that portmet_scene_name returns. */
 enum portmet_kind {
-    PORTMET_SUBSYSTEM = 0,     /* "upper" */
-    PORTMET_VARIABLE = 1,      /* of PORTMET_STATE: "upper.q[0]" */
-    PORTMET_VARIABLE_UNIT = 2, /* "m" */
-    PORTMET_PORT = 3,          /* "joint" */
-    PORTMET_PORT_A = 4,        /* the subsystem or boundary input at end a of the port: "upper" */
-    PORTMET_PORT_B = 5,        /* at end b */
-    PORTMET_INPUT = 6,         /* of portmet_scene_inputs: "hand.f[0]", "hand.dE/df[0]",
-                                  "hand.dS/df[0]" */
-    PORTMET_INPUT_UNIT = 7,    /* "m", "J/(m)", "J/K/(m)" */
-    PORTMET_REFERENCE = 8,     /* the file of the reference trajectory */
-    PORTMET_SCENE = 9          /* the name of the scene */
+    PORTMET_SUBSYSTEM = 0,      /* "upper" */
+    PORTMET_VARIABLE = 1,       /* of PORTMET_STATE: "upper.q[0]" */
+    PORTMET_VARIABLE_UNIT = 2,  /* "m" */
+    PORTMET_PORT = 3,           /* "joint" */
+    PORTMET_PORT_A = 4,         /* the subsystem or boundary input at end a of the port: "upper" */
+    PORTMET_PORT_B = 5,         /* at end b */
+    PORTMET_INPUT = 6,          /* of portmet_scene_inputs: "hand.f[0]", "hand.dE/df[0]",
+                                   "hand.dS/df[0]" */
+    PORTMET_INPUT_UNIT = 7,     /* "m", "J/(m)", "J/K/(m)" */
+    PORTMET_REFERENCE = 8,      /* the file of the reference trajectory */
+    PORTMET_SCENE = 9,          /* the name of the scene */
+    PORTMET_COENERGY_NAME = 10, /* of portmet_scene_efforts: "upper.dE/dp[0]" */
+    PORTMET_COENERGY_UNIT = 11, /* "m/s" */
+    PORTMET_REACTION = 12,      /* "hand.df/dt[0]" */
+    PORTMET_REACTION_UNIT = 13  /* "m/s" */
 };
 
 /* Returns the name number `index`, from 0 on, which the scene owns. NULL: there are no more. */

@@ -111,6 +111,13 @@ void pm_local_subsystems_undo_step(pm_local_subsystems *local);
 // [nz]. The fluxes of the books are owned by the object, and valid until the next call.
 pm_books pm_local_subsystems_books(const pm_local_subsystems *local, int i);
 void pm_local_subsystems_state(const pm_local_subsystems *local, int i, double *z);
+// Writes the co-energies dE/dz of all subsystems here to dE [scene->nz], those of energy variables
+// where a group is shown by its co-energy. To `reaction` [scene->nprescribed / 3], unless it is
+// NULL, it writes the rates that the laws give to what boundary inputs prescribe, at the present
+// states and time. To be called between two steps, of which it keeps the bits, if steps are kept.
+void pm_local_subsystems_efforts(pm_local_subsystems *local, double *dE, double *reaction);
+// Takes the fluxes of the last step from others of the same system.
+void pm_local_subsystems_take_fluxes(pm_local_subsystems *local, const pm_local_subsystems *from);
 // Copies states and books of the first `count` subsystems here, and the fluxes through their ports,
 // into their places of the sample.
 void pm_local_subsystems_fill_sample(const pm_local_subsystems *local, int count,

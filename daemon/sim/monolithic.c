@@ -115,6 +115,34 @@ void pm_monolithic_undo_step(pm_monolithic *monolithic) {
     pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
 }
 
+pm_status pm_monolithic_copy(pm_monolithic *monolithic, pm_monolithic *from) {
+    pm_monolithic *m = monolithic;
+    pm_serializer counter = pm_serializer_count("copy");
+    pm_monolithic_record(from, &counter);
+    double *number = calloc((size_t)counter.count, sizeof *number);
+    if (number == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for a copy of scene %s", m->system->scene->name);
+    }
+    pm_serializer save = pm_serializer_save("copy", number);
+    pm_serializer restore = pm_serializer_restore("copy", number);
+    pm_monolithic_record(from, &save);
+    pm_monolithic_record(m, &restore);
+    free(number);
+    pm_local_subsystems_take_fluxes(m->subsystems, from->subsystems);
+    m->sample->step = from->sample->step;
+    m->sample->time = from->sample->time;
+    // The sample names the substeps of the last step.
+    m->substeps = from->substeps;
+    pm_local_subsystems_set_substeps(m->subsystems, m->substeps);
+    (void)pm_monolithic_sample(m);
+    pm_local_subsystems_set_substeps(m->subsystems, m->controller.substeps);
+    return PM_OK;
+}
+
+void pm_monolithic_efforts(pm_monolithic *monolithic, double *dE, double *reaction) {
+    pm_local_subsystems_efforts(monolithic->subsystems, dE, reaction);
+}
+
 int pm_monolithic_substeps(const pm_monolithic *monolithic) {
     return monolithic->controller.substeps;
 }

@@ -34,6 +34,11 @@ pm_status pm_monolithic_step(pm_monolithic *monolithic);
 pm_status pm_monolithic_keep_steps(pm_monolithic *monolithic);
 // Undoes the last step, which pm_monolithic_step has taken since the last call. Steps are kept.
 void pm_monolithic_undo_step(pm_monolithic *monolithic);
+// Takes over state, step, counts and fluxes of another run of the same system, whose boundary
+// inputs may differ: both go on with the same bits. PM_ENOMEM.
+pm_status pm_monolithic_copy(pm_monolithic *monolithic, pm_monolithic *from);
+// Writes efforts and flows at the present state, as pm_local_subsystems_efforts does.
+void pm_monolithic_efforts(pm_monolithic *monolithic, double *dE, double *reaction);
 // Returns the number of substeps of the next step.
 int pm_monolithic_substeps(const pm_monolithic *monolithic);
 // Returns the sample of the state reached. It is owned by the object. A caller asks for it after

@@ -472,6 +472,51 @@ void pm_local_subsystems_state(const pm_local_subsystems *local, int i, double *
     }
 }
 
+void pm_local_subsystems_efforts(pm_local_subsystems *local, double *dE, double *reaction) {
+    const pm_model *m = &local->model;
+    const pm_data *d = &local->data;
+    const pm_physics *physics = &m->system->scene->physics;
+    for (int i = 0; i < m->count; ++i) {
+        const pm_scene_subsystem *s = &physics->subsystem[m->id[i]];
+        const pm_address at = pm_model_address(m, m->id[i]);
+        for (int c = 0; c < s->layout.nz; ++c) {
+            dE[s->first + c] = d->shown[PM_SHOWN_DE][at.first + c * at.step];
+        }
+    }
+    if (reaction == NULL) {
+        return;
+    }
+    // The first round of a step, which is then undone.
+    pm_local_subsystems_bulk(local);
+    pm_local_subsystems_couple(local);
+    const double *k = pm_stage_rates(m, d);
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *input = &physics->boundary_input[i];
+        const pm_address at = m->input_ghost[i];
+        for (int c = 0; c < input->layout.nz; ++c) {
+            reaction[input->first / 3 + c] = at.step == 0 ? 0 : k[at.first + c * at.step];
+        }
+    }
+    pm_local_subsystems_undo_step(local);
+}
+
+void pm_local_subsystems_take_fluxes(pm_local_subsystems *local, const pm_local_subsystems *from) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    const struct {
+        double *to;
+        const double *from;
+        int64_t lanes;
+    } all[] = {{d->bulk.energy, from->data.bulk.energy, m->own_lanes},
+               {d->flux[0].energy, from->data.flux[0].energy, m->port_lanes},
+               {d->flux[1].energy, from->data.flux[1].energy, m->port_lanes}};
+    for (int i = 0; i < 3; ++i) { // each is one array of four numbers for each lane
+        if (all[i].lanes > 0) {
+            memcpy(all[i].to, all[i].from, 4 * (size_t)all[i].lanes * sizeof *all[i].to);
+        }
+    }
+}
+
 void pm_local_subsystems_fill_sample(const pm_local_subsystems *local, int count,
                                      pm_sample *sample) {
     const pm_physics *physics = &local->model.system->scene->physics;

@@ -86,7 +86,7 @@ int main(int argc, char **argv) {
     portmet_scene *scene;
     NAME s;
     MEMBER(_results) results;
-    double rate[STATES];
+    double rate[STATES], coenergy[STATES], reaction[INPUTS / 3 + 1];
     if (argc != 3 || portmet_scene_open(&scene, argv[1], NULL) != PORTMET_OK) {
         printf("FAILED: %s\n", portmet_error());
         return 1;
@@ -103,6 +103,12 @@ int main(int argc, char **argv) {
                 portmet_scene_array(scene, PORTMET_ENERGY, NULL));
         compare("entropy", k, SUBSYSTEMS, results.entropy,
                 portmet_scene_array(scene, PORTMET_ENTROPY, NULL));
+        if (portmet_scene_efforts(scene, coenergy, reaction) != PORTMET_OK) {
+            printf("FAILED: %s\n", portmet_error());
+            return 1;
+        }
+        compare("co-energy", k, STATES, results.dE, coenergy);
+        compare("reaction", k, INPUTS / 3, results.reaction, reaction);
         if (k % 20 == 0) {
             check_tangent(&s);
         }
