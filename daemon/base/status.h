@@ -27,8 +27,9 @@ typedef enum pm_status {
 
 // Stores the description of a failure for the calling thread and returns `code`. The description is
 // one line without a newline: what failed, where, the offending value, and what was expected.
-// Control characters become blanks.
-pm_status pm_fail(pm_status code, const char *format, ...) __attribute__((format(printf, 2, 3)));
+// Control characters become blanks. Modules call it, too (plugin.h).
+pm_status pm_fail(pm_status code, const char *format, ...)
+    __attribute__((format(printf, 2, 3), visibility("default")));
 
 // Returns the calling thread's last description; "" if there is none. The text is valid until the
 // next pm_fail or pm_forget_error of this thread.

@@ -16,27 +16,19 @@ struct pm_transport {
 
 static const struct {
     const char *scheme;
-    const pm_transport_table *table;
+    const pm_transport_table *table; // NULL: it is loaded when it is needed
 } schemes[] = {
     {"udpm://", &pm_transport_lcm},
     {"mpudpm://", &pm_transport_lcm},
-    {"mpi://", &pm_transport_mpi},
+    {"mpi://", NULL},
 };
 
-// Returns the functions for this URL, or NULL.
-static const pm_transport_table *look_up(const char *url) {
+static pm_status find(const char *url, const pm_transport_table **table) {
     for (size_t i = 0; i < sizeof schemes / sizeof schemes[0]; ++i) {
         if (strncmp(url, schemes[i].scheme, strlen(schemes[i].scheme)) == 0) {
-            return schemes[i].table;
+            *table = schemes[i].table;
+            return *table != NULL ? PM_OK : pm_transport_mpi_load(table);
         }
-    }
-    return NULL;
-}
-
-static pm_status find(const char *url, const pm_transport_table **table) {
-    *table = look_up(url);
-    if (*table != NULL) {
-        return PM_OK;
     }
     return pm_fail(
         PM_ECONFIG,
@@ -51,8 +43,7 @@ pm_status pm_transport_check(const char *url) {
 }
 
 bool pm_transport_has_ranks(const char *url) {
-    const pm_transport_table *table = look_up(url);
-    return table != NULL && table->place != NULL;
+    return strncmp(url, "mpi://", strlen("mpi://")) == 0;
 }
 
 pm_status pm_transport_place(const char *url, int *rank, int *count) {

@@ -72,7 +72,7 @@ door() {
 door '(.*/)?cblas' 'daemon/base/'
 door 'yaml\.h' 'daemon/store/'
 door 'hdf5' 'daemon/store/'
-door 'mpi\.h' '(daemon/transport/transport_mpi|trainer/loss/team)\.c'
+door 'mpi\.h' '(daemon/transport/transport_mpi|trainer/loss/team_mpi)\.c'
 door 'lcm/|portmet_' 'daemon/(transport|lockstep|examples)/'
 # Below the transport nobody knows how messages travel.
 found=$(grep -rniE 'lcm|multicast' --include='*.[ch]' daemon/base daemon/store daemon/graph daemon/model daemon/scene daemon/sim daemon/export)

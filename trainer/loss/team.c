@@ -1,21 +1,12 @@
-// The tree of the lanes of one process, on which that of the team is built, and MPI. This is the
-// only file of the trainer that calls MPI.
+// The tree of the lanes of one process, on which that of the team is built.
 #include "loss/team.h"
 
-#include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
-#include <string.h>
-#include <time.h>
-#ifdef PM_HAVE_MPI
-#include <mpi.h>
-#endif
 
-#include "base/progress.h"
+#include "base/plugin.h"
 
 #define LANES_ALONE 2
-#define FAILED_GRACE 5.0 // s that a process waits for the others after a failure
-#define NAP 2000000      // ns between two looks
 
 bool pm_team_is_called(void) {
     // Open MPI, and the managers of MPICH and Intel MPI.
@@ -23,52 +14,19 @@ bool pm_team_is_called(void) {
 }
 
 pm_status pm_team_join(pm_team *team) {
-#ifdef PM_HAVE_MPI
-    MPI_Init(NULL, NULL);
-    MPI_Comm_rank(MPI_COMM_WORLD, &team->rank);
-    MPI_Comm_size(MPI_COMM_WORLD, &team->count);
+    const void *mpi = NULL;
+    PM_TRY(pm_plugin_find("portmet-mpi.so", "pm_team_mpi", &mpi));
+    team->mpi = mpi;
+    team->mpi->join(&team->rank, &team->count);
     if (team->count > PM_TEAM_LANES || (team->count & (team->count - 1)) != 0) {
         const int count = team->count;
         return pm_fail(PM_EUSAGE, "expected 1, 2, 4 or 8 ranks (mpirun -n), found %d", count);
     }
     return PM_OK;
-#else
-    (void)team;
-    return pm_fail(PM_EUSAGE, "mpirun has started this program, which was built without MPI "
-                              "(libopenmpi-dev)");
-#endif
 }
 
 bool pm_team_leave(const pm_team *team, bool failed) {
-    (void)team, (void)failed;
-#ifdef PM_HAVE_MPI
-    // Processes that wait for the report of the first one sleep between two looks.
-    MPI_Request request;
-    int met = 0;
-    const double end = failed ? pm_clock() + FAILED_GRACE : INFINITY;
-    MPI_Ibarrier(MPI_COMM_WORLD, &request);
-    while (!met && pm_clock() < end) {
-        nanosleep(&(struct timespec){.tv_nsec = NAP}, NULL);
-        MPI_Test(&request, &met, MPI_STATUS_IGNORE);
-    }
-    if (met) {
-        MPI_Finalize();
-    }
-    return met != 0;
-#else
-    return true;
-#endif
-}
-
-// Sends own [n] to the process `partner`, and receives other [n] from it.
-static void exchange(int partner, size_t n, const double *own, double *other) {
-#ifdef PM_HAVE_MPI
-    MPI_Sendrecv(own, (int)n, MPI_DOUBLE, partner, 0, other, (int)n, MPI_DOUBLE, partner, 0,
-                 MPI_COMM_WORLD, MPI_STATUS_IGNORE);
-#else
-    (void)partner;
-    memcpy(other, own, n * sizeof *own);
-#endif
+    return team->mpi == NULL || team->mpi->leave(failed);
 }
 
 bool pm_team_leads(const pm_team *team) {
@@ -119,7 +77,7 @@ void pm_team_sum(const pm_team *team, size_t n, double *value) {
     for (int distance = 1; team != NULL && distance < team->count; distance *= 2) {
         for (size_t first = 0; first < n; first += most) {
             const size_t count = n - first < most ? n - first : most;
-            exchange(team->rank ^ distance, count, value + first, other);
+            team->mpi->exchange(team->rank ^ distance, count, value + first, other);
             for (size_t k = 0; k < count; ++k) {
                 value[first + k] += other[k];
             }

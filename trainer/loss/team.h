@@ -16,16 +16,27 @@
 
 #define PM_TEAM_LANES 8 // the most processes, and a power of two
 
+// What a team asks of MPI: to join and leave it (pm_team_leave), and to send own [n] to the process
+// `partner` and receive other [n] from it.
+typedef struct pm_team_exchange {
+    void (*join)(int *rank, int *count);
+    bool (*leave)(bool failed);
+    void (*exchange)(int partner, size_t n, const double *own, double *other);
+} pm_team_exchange;
+// It lies in a module that pm_team_join loads.
+extern const pm_team_exchange pm_team_mpi __attribute__((visibility("default")));
+
 // A member of a team. Functions that take a team accept NULL: this process trains alone.
 typedef struct pm_team {
     int rank, count; // this process, from 0 on, and the number of processes
+    const pm_team_exchange *mpi;
 } pm_team;
 
 // True if mpirun has started this process, as its environment tells.
 bool pm_team_is_called(void);
 
-// Joins the team. PM_EUSAGE: it has not 1, 2, 4 or 8 processes, or this program was built without
-// MPI.
+// Joins the team. PM_EUSAGE: it has not 1, 2, 4 or 8 processes. PM_ECONFIG: the module for MPI is
+// not installed.
 pm_status pm_team_join(pm_team *team);
 
 // Leaves the team: waits until all processes do, after a failure for a few seconds at most. Returns
