@@ -36,7 +36,8 @@ pair = portmet.Scene(scene("true_pair", ["model: true"] * 2))
 runs = [follow(pair, start, 40) for start in np.random.default_rng(1).uniform(-1, 1, (10, 4))]
 portmet.Dataset(z=runs, dt=0.1, columns=["q0", "p0", "q1", "p1"]).save("pair.h5")
 learned = scene("pair", [f"weights: learned/m{i}.h5" for i in (0, 1)])
-print(portmet.fit(learned, "learned", data="pair.h5").report)
+fit = portmet.fit(learned, "learned", data="pair.h5")
+print(fit.report)
 
 chain = portmet.Scene(scene("chain", [f"weights: learned/m{min(i, 1)}.h5" for i in range(6)]))
 start = np.random.default_rng(2).uniform(-1, 1, 12)

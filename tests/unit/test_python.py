@@ -1,4 +1,8 @@
 """The Python package: scenes, files, the trainer and the listener, on shipped scenes."""
+import contextlib
+import copy
+import importlib.metadata
+import io
 import os
 import re
 import signal
@@ -70,6 +74,57 @@ class Scenes(unittest.TestCase):
         self.assertEqual(scene.step(3).state.tobytes(), free.tobytes())
         with self.assertRaises(KeyError):
             scene.set_input("nobody", 0)
+
+    def test_container(self):
+        with portmet.Scene("configs/double_pendulum.yaml") as scene:
+            self.assertEqual((list(scene), len(scene)), (["upper", "lower"], 2))
+            self.assertTrue("upper" in scene and "joint" not in scene)
+            self.assertEqual((list(scene["upper"]), "p" in scene["upper"], len(scene["upper"])), (["q", "p", "s"], True, 3))
+            state = scene.step().state
+        self.assertIn("closed", repr(scene))
+        self.assertTrue(numpy.isfinite(state).all())  # arrays stay
+        with self.assertRaisesRegex(portmet.Error, "double_pendulum is closed"):
+            scene.step()
+        scene.close()
+
+    def test_closing_completes_a_recording(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with portmet.Scene("configs/double_pendulum.yaml") as scene:
+                scene.record(os.path.join(folder, "run.h5")).step(2)
+            self.assertEqual(len(portmet.Recording(os.path.join(folder, "run.h5")).time), 3)
+
+    def test_copies_go_on_with_the_same_bits(self):
+        for name in "driven_lower", "gas_containers", "crossed_beams", "driven_upper", "double_pendulum_fast":
+            scene = portmet.Scene(f"configs/{name}.yaml")
+            with self.subTest(scene.name):
+                scene.step(3)
+                if len(scene.inputs) > 0:
+                    scene.inputs[1] = 0.5
+                other = copy.copy(scene)
+                self.assertIsNot(other, scene)
+                for _ in range(3):
+                    self.assertEqual((other.steps, other.time, repr(other.ledger)), (scene.steps, scene.time, repr(scene.ledger)))
+                    for name in "state", "energy", "entropy", "bulk_energy", "bulk_entropy", "flux", "inputs":
+                        self.assertEqual(getattr(other, name).tobytes(), getattr(scene, name).tobytes(), name)
+                    scene.step()
+                    other.step()
+                other.restart()
+                self.assertEqual(scene.steps, 6)
+
+    def test_efforts(self):
+        scene, plain = portmet.Scene("configs/driven_lower.yaml"), portmet.Scene("configs/driven_lower.yaml")
+        scene.step(4)
+        plain.step(4)
+        i = scene.coenergy_names.index(f"{next(iter(scene))}.dE/dp[0]")
+        self.assertEqual(scene.coenergy_units[i], "m/s")
+        self.assertEqual(len(scene.reaction), len(scene.reaction_names))
+        # The derivative of the energy along a direction, by finite differences.
+        dz, coenergy = numpy.cos(numpy.arange(len(scene.state))), scene.coenergy
+        energies = [plain.copy().restart(scene.state + h * dz).energy.sum() for h in (-1e-6, 1e-6)]
+        self.assertAlmostEqual((energies[1] - energies[0]) / 2e-6, coenergy @ dz, delta=1e-6 * abs(coenergy).max())
+        # Asking changes nothing.
+        self.assertEqual(scene.step(3).state.tobytes(), plain.step(3).state.tobytes())
+        self.assertEqual(repr(scene.ledger), repr(plain.ledger))
 
     def test_error(self):
         with self.assertRaisesRegex(portmet.Error, "nowhere.yaml") as caught:
@@ -154,8 +209,15 @@ class Files(unittest.TestCase):
             self.assertEqual(again.z.tobytes(), data.z.tobytes())
             self.assertEqual((again.columns, again.dt, again.notes), (data.columns, data.dt, data.notes))
             # portmetd accepts it, too.
-            report = portmet.evaluate("configs/double_pendulum.yaml", data=path)
-            self.assertIn("q", report)
+            found = portmet.evaluate("configs/double_pendulum.yaml", data=path)
+            self.assertEqual(list(found.errors), ["q", "p", "s"])
+            self.assertEqual((found.truth.shape, found.columns), (data.z.shape, data.columns))
+            for group, errors in found.errors.items():
+                columns = [i for i, name in enumerate(found.columns) if name.startswith(group)]
+                apart = numpy.linalg.norm((found.prediction - found.truth)[0][:, columns])
+                self.assertAlmostEqual(errors[0], apart / numpy.linalg.norm(found.truth[0][:, columns]), delta=1e-12)
+            self.assertIn("steps in violation: 0 of 199", str(found))
+            self.assertEqual((list(data)[0], "q1x" in data, "q9" in data), (data.columns[0], True, False))
 
     def test_ranges_of_columns(self):
         data = portmet.Dataset("configs/reference/beam_solid.h5")
@@ -176,12 +238,42 @@ class Files(unittest.TestCase):
             portmet.Scene("configs/gas_containers.yaml").record(path).step(5).record(None)
             recording = portmet.Recording(path)
             self.assertEqual(list(recording.step), list(range(6)))
-            try:
+            part, port = next(iter(recording.subsystems)), next(iter(recording.ports))
+            scene = portmet.Scene("configs/gas_containers.yaml")
+            self.assertEqual(sorted(n for n in recording if n in scene.variables), sorted(scene.variables))
+            self.assertEqual([recording.units[n] for n in scene.variables], scene.units)
+            name = scene.variables[0]
+            self.assertEqual(recording[name].tobytes(), recording.subsystems[part]["z"][:, 0].tobytes())
+            self.assertEqual((recording.units[f"{part}.E"], recording.units[f"{port}.energy_flux_a"]), ("J", "W"))
+            self.assertTrue(recording.units[name])
+            self.assertEqual(set(recording.ends[port]) - set(recording.subsystems), set())
+            with contextlib.suppress(ImportError):
                 import matplotlib  # noqa: F401
-            except ImportError:
-                return
-            portmet.plot(recording, os.path.join(folder, "run.png"))
-            self.assertGreater(os.path.getsize(os.path.join(folder, "run.png")), 10000)
+                recording.plot(os.path.join(folder, "run.png"))
+                self.assertGreater(os.path.getsize(os.path.join(folder, "run.png")), 10000)
+            with contextlib.suppress(ImportError):
+                import pandas  # noqa: F401
+                frame = recording.to_dataframe()
+                self.assertEqual((frame[name].iloc[2], frame.index[2]), (recording[name][2], recording.time[2]))
+            with contextlib.suppress(ImportError):
+                import xarray  # noqa: F401
+                data = recording.to_xarray()
+                self.assertEqual((float(data[name][2]), data[name].attrs["units"]), (recording[name][2], recording.units[name]))
+
+    def test_recording_of_a_range(self):
+        text = ("scene: row\ntime: {dt: 0.1, steps: 4, integrator: rk4, substeps: 2}\n"
+                "models: {part: {energy: '|p|^2/2 + |q|^2/2', reversible: {given: [[q, p, 1.0]]}}}\n"
+                "subsystems:\n  'm[0:3]': {model: part, initial: {q: 0.1, p: 1.0}, "
+                "state: {q: {unit: m, size: 1}, p: {unit: kg m/s, size: 1}}}\n")
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "run.h5")
+            scene = portmet.Scene(text=text).record(path).step(2)
+            scene.close()
+            recording = portmet.Recording(path)
+            self.assertEqual(recording["m2.p[0]"][2], scene["m2"]["p"][0])
+            self.assertEqual(recording["m1.E"][2], scene["m1"].energy)
+            self.assertEqual((recording.units["m2.p[0]"], recording.units["m1.E"]), ("kg m/s", "J"))
+            self.assertTrue("m0.q[0]" in recording and "m3.q[0]" not in recording)
 
 
 @unittest.skipUnless(os.environ.get("PM_PRIVATE_NETWORK"), "no private network can be made here")
@@ -341,6 +433,41 @@ class Copies(unittest.TestCase):
                 wrong()
 
 
+class Package(unittest.TestCase):
+    def test_metadata(self):
+        self.assertEqual(importlib.metadata.version("portmet"), portmet.__version__)
+        self.assertTrue(os.path.exists(os.path.join(os.path.dirname(portmet.__file__), "py.typed")))
+
+    def test_constants_and_progress(self):
+        with tempfile.TemporaryDirectory() as folder:
+            def write(name, text):
+                with open(os.path.join(folder, name), "w", encoding="utf-8") as file:
+                    file.write(text)
+                return os.path.join(folder, name)
+            state = "{q: {unit: m, columns: [q]}, p: {unit: kg m/s, columns: [p]}}"
+            start = "scene: spring\ntime: {dt: 0.1, steps: 50, integrator: rk4, substeps: 4}\n"
+            model = "energy: 'k*|q|^2/2 + |p|^2/2', reversible: {given: [[q, p, 1.0]]}"
+            true = portmet.Scene(write("true.yaml", start + f"models: {{s: {{constants: {{k: 3.0}}, {model}}}}}\n"
+                                       f"subsystems: {{s: {{model: s, initial: {{q: 1.0, p: 0.0}}, state: {state}}}}}\n"))
+            runs = []
+            for q in 0.5, 1.0, 1.5, 2.0, 2.5:
+                true.restart([q, 0.1])
+                runs.append([[q, 0.1]] + [true.step().state.copy() for _ in range(50)])
+            portmet.Dataset(z=runs, dt=0.1, columns=["q", "p"]).save(os.path.join(folder, "data.h5"))
+            write("scene.yaml", start + f"subsystems: {{s: {{weights: weights/s.h5, state: {state}}}}}\n")
+            training = write("training.yaml", "scene: scene.yaml\n"
+                             f"models: {{s: {{constants: {{k: {{learned: 1.0, positive: true}}}}, {model}}}}}\n"
+                             "subsystems: {s: s}\nloss: {residual: step}\nstages: [{optimiser: gauss_newton, iterations: 20, batch: 100}]\n")
+            lines = io.StringIO()
+            with contextlib.redirect_stdout(lines):
+                fit = portmet.fit(training, os.path.join(folder, "weights"), data=os.path.join(folder, "data.h5"), progress=True)
+            self.assertEqual(lines.getvalue(), fit.report)
+            self.assertAlmostEqual(fit.constants["s"]["k"], 3.0, delta=1e-3)
+            self.assertEqual(fit.verdict, "good")
+            with self.assertRaises(portmet.Error):
+                portmet.fit(training, os.path.join(folder, "weights"), data=os.path.join(folder, "nothing.h5"))
+
+
 class Pages(unittest.TestCase):
     def test_copies_of_the_page(self):
         with open("daemon/LIBRARY.md", encoding="utf-8") as page:
@@ -361,6 +488,14 @@ class Pages(unittest.TestCase):
             finally:
                 os.chdir(here)
             self.assertLess(space["error"], 0.01)
+            fit = space["fit"]
+            self.assertEqual((fit.verdict, fit.fits, fit.reasons), ("good", True, []))
+            self.assertEqual(list(fit.errors), ["m0 q", "m0 p", "m1 q", "m1 p"])
+            self.assertLess(fit.errors["m1 p"]["validation"], 1e-3)
+            self.assertGreater(fit.errors["m1 p"]["persistence"], 0.5)
+            self.assertEqual(list(fit.weights), ["m0", "m1"])
+            self.assertEqual(portmet.Weights(fit.weights["m0"]).verdict, "good")
+            self.assertGreater(len(fit.history), 10)
             self.assertEqual(space["chain"].ledger.violations, 0)
 
 

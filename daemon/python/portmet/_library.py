@@ -1,20 +1,23 @@
 """Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
+from __future__ import annotations
+
 import ctypes
 import operator
 import os
+import typing
 
 from . import _places
 
 # The arrays and names of portmet.h, by their numbers there.
 STATE, ENERGY, ENTROPY, BULK_ENERGY, BULK_ENTROPY, FLUX, LEDGER = range(7)
 (SUBSYSTEM, VARIABLE, VARIABLE_UNIT, PORT, PORT_A, PORT_B, INPUT, INPUT_UNIT, REFERENCE,
- SCENE) = range(10)
+ SCENE, COENERGY, COENERGY_UNIT, REACTION, REACTION_UNIT) = range(14)
 
 
 class Error(RuntimeError):
     """What libportmet or a program of portmet refused: `code` is the exit code of its class."""
 
-    def __init__(self, code, text):
+    def __init__(self, code: int, text: str) -> None:
         super().__init__(text)
         self.code = code
 
@@ -22,7 +25,7 @@ class Error(RuntimeError):
 class UsageError(Error, ValueError):
     """An argument that is not valid."""
 
-    def __init__(self, text):
+    def __init__(self, text: str) -> None:
         super().__init__(2, text)
 
 
@@ -30,7 +33,7 @@ class UnknownName(UsageError, KeyError):
     """A name that a scene does not have."""
 
 
-def place(variable, relative, name):
+def place(variable: str, relative: str, name: str) -> str:
     """Returns the path in an environment variable, or the file that was built or installed with
     this package, or the bare name, which the system looks up."""
     if variable in os.environ:
@@ -39,7 +42,7 @@ def place(variable, relative, name):
     return path if os.path.exists(path) else name
 
 
-def _load():
+def _load() -> typing.Any:
     library = ctypes.CDLL(place("PORTMET_LIBRARY", _places.LIBRARY, "libportmet.so.0"))
     text, scene, number = ctypes.c_char_p, ctypes.c_void_p, ctypes.c_double
     size = ctypes.POINTER(ctypes.c_size_t)
@@ -51,6 +54,8 @@ def _load():
         "portmet_scene_connect": (ctypes.c_int, [ctypes.POINTER(scene), text, text, text, text, number]),
         "portmet_scene_close": (None, [scene]),
         "portmet_scene_compile": (ctypes.c_int, [scene]),
+        "portmet_scene_copy": (ctypes.c_int, [scene, scene]),
+        "portmet_scene_efforts": (ctypes.c_int, [scene, ctypes.c_void_p, ctypes.c_void_p]),
         "portmet_scene_step": (ctypes.c_int, [scene, ctypes.c_int64]),
         "portmet_scene_restart": (ctypes.c_int, [scene, ctypes.c_void_p]),
         "portmet_scene_set_state": (ctypes.c_int, [scene, ctypes.c_void_p]),
@@ -83,13 +88,13 @@ def _load():
 library = _load()
 
 
-def check(code):
+def check(code: int) -> None:
     """Raises Error unless `code` is 0."""
     if code != 0:
         raise Error(code, library.portmet_error().decode())
 
 
-def step_count(count):
+def step_count(count: typing.Any) -> int:
     """Returns a number of steps as libportmet takes it."""
     try:
         number = operator.index(count)
@@ -100,17 +105,17 @@ def step_count(count):
     return number
 
 
-def look_up(table, name, what):
+def look_up(table: dict[str, typing.Any], name: str, what: str) -> typing.Any:
     """Returns the item of a table that has this name."""
     if name not in table:
         raise UnknownName(f"{what} has no {name!r}; there are: {', '.join(table)}")
     return table[name]
 
 
-def path_bytes(path):
+def path_bytes(path: str | os.PathLike[str] | None) -> bytes | None:
     return None if path is None else os.fsencode(path)
 
 
-def version():
+def version() -> str:
     """Returns the version of libportmet."""
-    return library.portmet_version().decode()
+    return str(library.portmet_version().decode())

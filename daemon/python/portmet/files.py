@@ -1,18 +1,27 @@
 """The HDF5 files of portmet as objects: datasets, recordings and weights."""
-import collections
+from __future__ import annotations
+
+import os
 import re
+import typing
 
 import h5py
 import numpy
 
-from ._library import UsageError
+from ._library import UnknownName, UsageError
+
+if typing.TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike, NDArray
+    Numbers = NDArray[numpy.float64]
+    Path = typing.Union[str, os.PathLike[str]]
 
 
-def _text(value):
+def _text(value: typing.Any) -> str:
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def _expand(names):
+def _expand(names: str) -> list[str]:
     """Returns the names that a list such as "s f[0:3]" means: s, f0, f1, f2."""
     result = []
     for word in names.split():
@@ -25,12 +34,16 @@ class Dataset:
     """Trajectories: z [trajectory][time][column], t [time] (s), dt (s), the names of the columns, the
     rates zdot or None, and notes (trainer/DATASET.md)."""
 
-    def __init__(self, path=None, *, z=None, dt=None, columns=None, zdot=None, units=None, notes=()):
+    def __init__(self, path: Path | None = None, *, z: ArrayLike | None = None, dt: float | None = None,
+                 columns: typing.Iterable[str] | None = None, zdot: ArrayLike | None = None,
+                 units: list[str] | None = None, notes: typing.Any = ()) -> None:
         if path is None:
-            self.z = numpy.array(z, dtype=float, ndmin=3)
-            self.zdot = None if zdot is None else numpy.array(zdot, dtype=float, ndmin=3)
+            if z is None or dt is None or columns is None:
+                raise UsageError("a dataset needs either a path or z, dt and columns")
+            self.z: Numbers = numpy.array(z, dtype=float, ndmin=3)
+            self.zdot: Numbers | None = None if zdot is None else numpy.array(zdot, dtype=float, ndmin=3)
             self.dt, self.columns, self.units = float(dt), list(columns), units
-            self.t = numpy.arange(self.z.shape[1]) * self.dt
+            self.t: Numbers = numpy.arange(self.z.shape[1]) * self.dt
             self.notes = dict(notes)
             return
         with h5py.File(path, "r") as f:
@@ -41,11 +54,25 @@ class Dataset:
         self.units = notes.pop("units").split(";") if "units" in notes else None
         self.notes = notes
 
-    def __getitem__(self, column):
+    def __getitem__(self, column: str) -> Numbers:
         """Returns one column of all trajectories: [trajectory][time]."""
+        if column not in self.columns:
+            raise UnknownName(f"the dataset has no column {column!r}; there are: {', '.join(self.columns)}")
         return self.z[:, :, self.columns.index(column)]
 
-    def save(self, path):
+    def __iter__(self) -> typing.Iterator[str]:
+        return iter(self.columns)
+
+    def __contains__(self, column: object) -> bool:
+        return column in self.columns
+
+    def __len__(self) -> int:
+        return len(self.columns)
+
+    def __repr__(self) -> str:
+        return f"<portmet dataset: {len(self.z)} trajectories of {len(self.t)} states; {', '.join(self.columns[:8])}>"
+
+    def save(self, path: Path) -> None:
         """Writes the dataset, for `fit`, `evaluate` or a scene's reference."""
         if self.z.shape[2] != len(self.columns):
             raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
@@ -59,40 +86,150 @@ class Dataset:
             for name, text in self.notes.items():
                 f.attrs[name] = numpy.bytes_(str(text))
 
+    def to_dataframe(self) -> typing.Any:
+        """Returns a pandas DataFrame with the index (trajectory, time)."""
+        import pandas
+
+        index = pandas.MultiIndex.from_product([range(len(self.z)), self.t], names=["trajectory", "time"])
+        return pandas.DataFrame(self.z.reshape(-1, self.z.shape[2]), index, self.columns)
+
+    def to_xarray(self) -> typing.Any:
+        """Returns an xarray Dataset with the dimensions trajectory and time, and units as attributes."""
+        import xarray
+
+        units = self.units or [""] * len(self.columns)
+        return xarray.Dataset({name: (("trajectory", "time"), self[name], {"units": unit} if unit else {})
+                               for name, unit in zip(self.columns, units)}, {"time": ("time", self.t, {"units": "s"})})
+
 
 class Recording:
     """What --record or Scene.record wrote: time (s) and step [sample]; subsystems[name] and
     ports[name] map the names of daemon/README.md, "Recordings", to arrays [sample]; so does ledger.
-    Subsystems that the scene names by a range, "link[0:9]", are together, and the arrays have
-    another axis, for the members: E [sample][member]."""
+    variables[name] are the names of the columns of a subsystem's z, and `ends` [name] what is at the
+    ends of a port. Subsystems that the scene names by a range, "link[0:9]", are together, and the
+    arrays have another axis, for the members: E [sample][member]. `series` has every number by a name
+    of its own: series["upper.q[0]"], series["link3.E"], series["joint.energy_flux_a"]; and `units`
+    has its unit."""
 
-    def __init__(self, path):
+    def __init__(self, path: Path) -> None:
+        self.series: dict[str, Numbers] = {}
+        self.units: dict[str, str] = {}
         with h5py.File(path, "r") as f:
             count = int(f.attrs["committed"])  # a killed run leaves more rows in some series
-            self.time, self.step = f["time"][:count], f["step"][:count]
-            self.subsystems, self.ports = ({name: {key: data[:count] for key, data in group.items()}
-                                            for name, group in f.get(kind, {}).items()}
+            self.scene = _text(f.attrs["scene"])
+            self.time: Numbers = f["time"][:count]
+            self.step: NDArray[numpy.int64] = f["step"][:count]
+            groups = {kind: f.get(kind, {}) for kind in ("subsystems", "ports")}
+            self.variables = {name: [_text(v) for v in group["z"].attrs["variables"]]
+                              for name, group in groups["subsystems"].items() if "z" in group}
+            self.ends = {name: [_text(v) for v in group.attrs["ends"]] for name, group in groups["ports"].items()
+                         if "ends" in group.attrs}
+            self.subsystems, self.ports = ({name: self._read(name, group, count) for name, group in groups[kind].items()}
                                            for kind in ("subsystems", "ports"))
-            self.ledger = {key: data[:count] for key, data in f["ledger"].items()}
+            self.ledger = self._read("ledger", f["ledger"], count)
+
+    def _read(self, owner: str, group: typing.Any, count: int) -> dict[str, Numbers]:
+        """Reads the series of one owner, and gives each column a name of its own."""
+        result: dict[str, Numbers] = {key: data[:count] for key, data in group.items()}
+        members = _expand(owner)
+        for key, values in result.items():
+            units = group[key].attrs.get("units", b"")
+            columns, names = values.reshape(count, len(members), -1), [key]
+            if key == "z":
+                # As Scene.variables has them: a lone component is "s[0]".
+                names = [n if "[" in n else n + "[0]" for n in self.variables[owner]]
+                if len(names) != columns.shape[2]:  # groups: "q[0:5000]"
+                    names = [f"{name}[{i}]" for name, first, last in (
+                        re.fullmatch(r"(.*)\[(\d+):(\d+)\]", n).groups() for n in names)  # type: ignore[union-attr]
+                        for i in range(int(first), int(last))]
+            every = [units] * len(names) if isinstance(units, (bytes, str)) else list(units)
+            if len(every) != len(names):
+                every = [""] * len(names)
+            for m, member in enumerate(members):
+                for c, name in enumerate(names):
+                    self.series[f"{member}.{name}"] = columns[:, m, c]
+                    self.units[f"{member}.{name}"] = _text(every[c])
+        return result
+
+    def __getitem__(self, name: str) -> Numbers:
+        if name not in self.series:
+            raise UnknownName(f"the recording has no {name!r}; list(recording) has all names")
+        return self.series[name]
+
+    def __iter__(self) -> typing.Iterator[str]:
+        return iter(self.series)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.series
+
+    def __len__(self) -> int:
+        return len(self.series)
+
+    def __repr__(self) -> str:
+        return f"<portmet recording of {self.scene}: {len(self.time)} samples; {', '.join(self.subsystems)}>"
+
+    def to_dataframe(self) -> typing.Any:
+        """Returns a pandas DataFrame of all series, with the time as index; its attrs has the units."""
+        import pandas
+
+        frame = pandas.DataFrame(self.series, pandas.Index(self.time, name="time"))
+        frame.attrs["units"] = self.units
+        return frame
+
+    def to_xarray(self) -> typing.Any:
+        """Returns an xarray Dataset of all series over the time, with units as attributes."""
+        import xarray
+
+        return xarray.Dataset({name: ("time", values, {"units": self.units[name]}) for name, values in self.series.items()},
+                              {"time": ("time", self.time, {"units": "s"})}, {"scene": self.scene})
+
+    def plot(self, path: Path | None = None) -> Figure:
+        """Draws energies, entropies and powers over time, as portmet.plot does."""
+        from .plot import plot
+
+        return plot(self, path)
 
 
-Group = collections.namedtuple("Group", "name size unit")
+class Group(typing.NamedTuple):
+    """A group of variables."""
+    name: str
+    size: int
+    unit: str
 
 
 class Weights:
     """A weights file: `kind` ("subsystem" or "port"), the text of its `model`, its `parameters` by name,
     its `layout` (of a port a list for each end), and `made`, where it comes from."""
 
-    def __init__(self, path):
+    layout: list[typing.Any]
+
+    def __init__(self, path: Path) -> None:
         with h5py.File(path, "r") as f:
             self.made = {name: _text(v) if isinstance(v, (bytes, str)) else v for name, v in f.attrs.items()}
             self.kind, self.model = self.made.pop("kind"), self.made.pop("model")
-            self.parameters = {name: data[:] for name, data in f.get("parameters", {}).items()}
+            self.parameters: dict[str, Numbers] = {name: data[:] for name, data in f.get("parameters", {}).items()}
             self.trained = {name for name in self.parameters if f["parameters"][name].attrs["trained"]}
             ends = [self._layout(f[name]) for name in ("layout", "layout_a", "layout_b") if name in f]
         self.layout = ends[0] if self.kind == "subsystem" else ends
 
+    @property
+    def verdict(self) -> str:
+        """What the fit said at its end: "good", or another word with its reasons behind a colon."""
+        return str(self.made.get("verdict", ""))
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """The learned constants of the model, by their names."""
+        result = {}
+        for name, value in self.parameters.items():
+            if name.startswith("constant."):
+                name = name[len("constant."):]
+                # Of a positive constant training moves the logarithm.
+                positive = re.search(rf"\b{re.escape(name)}\s*:\s*{{[^}}]*positive\s*:\s*true", self.model)
+                result[name] = float(numpy.exp(value.flat[0]) if positive else value.flat[0])
+        return result
+
     @staticmethod
-    def _layout(group):
+    def _layout(group: typing.Any) -> list[Group]:
         names, units, sizes = (group.attrs[key] for key in ("names", "units", "sizes"))
         return [Group(_text(n), int(s), _text(u)) for n, u, s in zip(names, units, sizes)]

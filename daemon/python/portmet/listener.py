@@ -1,9 +1,12 @@
 """Listens and speaks LCM in pure Python (daemon/WIRE.md; the protocol is LCM's udpm)."""
+from __future__ import annotations
+
 import collections
 import re
 import socket
 import struct
 import time
+import typing
 import urllib.parse
 
 from ._library import UsageError
@@ -14,10 +17,13 @@ MOST_UNFINISHED = 64  # messages of several datagrams that are kept while pieces
 MOST_BYTES = 32 << 20  # of all these messages together, and so the longest message
 
 # `content` is a decoded message of portmet, or None for another type; `data` are the bytes.
-Message = collections.namedtuple("Message", "channel content data")
+class Message(typing.NamedTuple):
+    channel: str
+    content: typing.Any
+    data: bytes
 
 
-def _types():
+def _types() -> dict[bytes, typing.Any]:
     from . import types  # made by lcm-gen
 
     known = [t for t in vars(types).values() if hasattr(t, "_get_packed_fingerprint")]
@@ -28,7 +34,8 @@ class Listener:
     """A member of the multicast group of an LCM `url`. Iterating yields every Message whose channel
     matches the regular expression `channels`, until `timeout` seconds pass without one."""
 
-    def __init__(self, url="udpm://239.255.76.67:7667?ttl=0", channels=".*", timeout=None):
+    def __init__(self, url: str = "udpm://239.255.76.67:7667?ttl=0", channels: str = ".*",
+                 timeout: float | None = None) -> None:
         parts = urllib.parse.urlsplit(url)
         if parts.scheme != "udpm":
             raise UsageError(f"{url}: expected udpm://GROUP:PORT")
@@ -41,7 +48,7 @@ class Listener:
         self.timeout = timeout
         self._socket = self._open(ttl)
 
-    def _open(self, ttl):
+    def _open(self, ttl: int) -> socket.socket:
         s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # others listen at this port, too
         s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
@@ -51,16 +58,16 @@ class Listener:
         s.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, member)
         return s
 
-    def close(self):
+    def close(self) -> None:
         self._socket.close()
 
-    def __enter__(self):
+    def __enter__(self) -> Listener:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def publish(self, channel, message):
+    def publish(self, channel: str, message: typing.Any) -> None:
         """Sends a message: bytes, or an object of a type that lcm-gen made."""
         data = message if isinstance(message, bytes) else message.encode()
         body = channel.encode() + b"\0" + data
@@ -70,7 +77,7 @@ class Listener:
         self._number = (self._number + 1) % (1 << 32)
         self._socket.sendto(head + body, self._group)
 
-    def receive(self, timeout=None):
+    def receive(self, timeout: float | None = None) -> Message | None:
         """Returns the next message, or None after `timeout` seconds (None: waits forever)."""
         end = None if timeout is None else time.monotonic() + timeout
         while True:
@@ -88,7 +95,7 @@ class Listener:
             if self._wanted.fullmatch(name):
                 return Message(name, self._decode(data), data)
 
-    def __iter__(self):
+    def __iter__(self) -> typing.Iterator[Message]:
         while (message := self.receive(self.timeout)) is not None:
             yield message
 

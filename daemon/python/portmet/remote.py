@@ -1,8 +1,16 @@
 """A scene that `portmetd serve` steps elsewhere, with the methods and arrays of Scene."""
+from __future__ import annotations
+
 import ctypes
+import os
+import typing
 
 from . import _library as c
 from .scene import Scene
+
+if typing.TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from typing_extensions import Self
 
 
 class Remote(Scene):
@@ -11,36 +19,36 @@ class Remote(Scene):
     service, and `key_file` holds the key of the scene. `inputs` are its live inputs. A call fails after `timeout`
     seconds without an answer."""
 
-    def __init__(self, name, *, url=None, key_file=None, record=None, timeout=10.0):
+    def __init__(self, name: str, *, url: str | None = None, key_file: str | os.PathLike[str] | None = None,
+                 record: str | None = None, timeout: float = 10.0) -> None:
         pointer = ctypes.c_void_p()
         c.check(c.library.portmet_scene_connect(
             ctypes.byref(pointer), name.encode(), None if url is None else url.encode(), c.path_bytes(key_file),
             None if record is None else record.encode(), timeout))
         self._open(pointer)
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.close()
-
-    def set_state(self, state):
+    def set_state(self, state: ArrayLike) -> Self:
         """Goes on at `state` [variables] with the next step. The energy and the entropy by which it differs
         come from the outside: the totals of the ledger stay."""
-        state = self._whole_state(state)
-        c.check(c.library.portmet_scene_set_state(self._pointer, state.ctypes.data))
+        c.check(c.library.portmet_scene_set_state(self._pointer, self._whole_state(state).ctypes.data))
         return self
 
-    def checkpoint(self, name):
+    def checkpoint(self, name: str) -> Self:
         """Keeps state and ledger under `name` in the folder of the service."""
         c.check(c.library.portmet_scene_checkpoint(self._pointer, name.encode()))
         return self
 
-    def restore(self, name):
+    def restore(self, name: str) -> Self:
         """Takes the run to what is kept under `name`, by this run or an earlier one."""
         c.check(c.library.portmet_scene_restore(self._pointer, name.encode()))
         return self
 
-    def close(self):
+    def close(self) -> None:
         """Ends the run; the service stays, and so do the arrays."""
         c.check(c.library.portmet_scene_stop(self._pointer))
+
+    def copy(self) -> Scene:
+        """Is refused: checkpoint() keeps the state of a run."""
+        raise c.UsageError(f"scene {self.name} is stepped elsewhere; checkpoint() keeps its state")
+
+    __copy__ = copy

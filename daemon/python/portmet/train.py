@@ -1,25 +1,58 @@
 """Drives the trainer, portmet-train (trainer/README.md). `data` is a dataset, a table, or a list of tables."""
+from __future__ import annotations
+
+import json
 import os
+import re
 import subprocess
+import sys
+import tempfile
+import threading
+import typing
 
 import numpy
 
 from . import _places
 from ._library import Error, place
+from .files import Dataset, Weights
+
+if typing.TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .files import Numbers, Path
+    Data = typing.Union[Path, typing.Sequence[Path]]
 
 UNFIT = 13  # exit code: the fit ended, and is worse than persistence
+VIOLATED = 10  # exit code: the evaluation ended, and a law was violated
 
 
-def _run(*arguments):
-    """Runs portmet-train and returns its exit code and output. Raises Error if it was refused."""
+def _run(*arguments: Path, progress: bool = False, codes: tuple[int, ...] = (0,)) -> tuple[int, str]:
+    """Runs portmet-train and returns its exit code and output. Raises Error if it was refused, or was
+    stopped. `progress` shows each line as it comes, in a terminal or a notebook."""
     command = [place("PORTMET_TRAIN", _places.TRAINER, "portmet-train"), *map(os.fspath, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode not in (0, UNFIT):
-        raise Error(done.returncode, done.stderr.strip())
-    return done.returncode, done.stdout
+    lines, refused = [], []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        reader = threading.Thread(target=lambda errors: refused.append(errors.read()), args=(process.stderr,))
+        reader.start()
+        try:
+            for line in process.stdout:
+                lines.append(line)
+                if progress:
+                    sys.stdout.write(line)
+                    sys.stdout.flush()
+        except KeyboardInterrupt:
+            process.terminate()  # it keeps what it has
+            raise
+        finally:
+            process.wait()
+            reader.join()
+    if process.returncode not in codes:
+        raise Error(process.returncode, refused[0].strip())
+    return process.returncode, "".join(lines)
 
 
-def _options(options):
+def _options(options: dict[str, typing.Any]) -> list[str]:
     """Turns validation="0:4", resume=True into --validation 0:4 --resume."""
     result = []
     for name, value in options.items():
@@ -30,47 +63,164 @@ def _options(options):
     return result
 
 
-class Fit:
-    """The result of `fit`: the `folder` of the weights, the `history` of the losses (one record for each
-    line of fit.csv), the printed `report`, and whether the model `fits`."""
+def _is_interactive() -> bool:
+    """Whether somebody looks: in a notebook, or at a terminal."""
+    return "ipykernel" in sys.modules or bool(getattr(sys.stdout, "isatty", bool)())
 
-    def __init__(self, folder, report, fits):
+
+class Fit:
+    """The result of `fit`: the `folder` of the weights, the printed `report`, whether the model
+    `fits`, its `verdict` ("good", "fair", "poor" or "UNFIT") with the `reasons` why it is not good,
+    and the `errors` of the report's table."""
+
+    def __init__(self, folder: str, report: str, fits: bool) -> None:
         self.folder, self.report, self.fits = folder, report, fits
+        said = re.search(r"^Verdict: ([^.\n]*)\. ?(.*)(?:\n  Not good, since (.*)\.)?", report, re.MULTILINE)
+        self.verdict = said[1] if said else ""
+        self.reasons = [] if said is None else said[3].split("; ") if said[3] else [] if fits else [said[2]]
 
     @property
-    def history(self):
+    def history(self) -> typing.Any:
+        """The losses: a record array with a record for each line of fit.csv."""
         return numpy.genfromtxt(os.path.join(self.folder, "fit.csv"), delimiter=",", names=True,
                                 dtype=None, encoding="utf-8")
 
     @property
-    def weights(self):
+    def weights(self) -> dict[str, str]:
         """The weights files by the name of their subsystem or port."""
-        return {name[:-3]: os.path.join(self.folder, name)
-                for name in sorted(os.listdir(self.folder)) if name.endswith(".h5")}
+        own = (os.path.join(self.folder, name) for name in sorted(os.listdir(self.folder)) if name.endswith(".h5"))
+        return {os.path.basename(path)[:-3]: path for path in own if _is_weights(path)}
 
-    def __repr__(self):
-        return f"<portmet fit in {self.folder}{'' if self.fits else ', which is unfit'}>"
+    @property
+    def constants(self) -> dict[str, dict[str, float]]:
+        """The learned constants of each subsystem and port that has some."""
+        all_ = {name: Weights(path).constants for name, path in self.weights.items()}
+        return {name: constants for name, constants in all_.items() if constants}
+
+    @property
+    def errors(self) -> dict[str, dict[str, float]]:
+        """Relative errors, 0.01 for 1 %, by the row of the report, "upper q": for complete states
+        "training", "validation" (medians of rollouts), "persistence" and "black box"; for measurements
+        "median" and "largest" of each column's deviation, "left out" and "black box". What the report
+        does not have is NaN or missing."""
+        table = re.search(r"^Errors, %(.*)\n  part, group(.*)\n((?:  .*\n)*)", self.report, re.MULTILINE)
+        if table:
+            both, columns = "valid." in table[2], table[2].split()
+            at = {"training": columns.index("median"), "persistence": len(columns) - 1 - ("black box" in table[1])}
+            if both:
+                at["validation"] = at["training"] + 3
+            if "black box" in table[1]:
+                at["black box"] = len(columns) - 1
+            rows, names = table[3].splitlines(), 2
+        else:
+            table = re.search(r"^Starts of the .*\n((?:  .*\n)*)", self.report, re.MULTILINE)
+            rows, names = (table[1].splitlines() if table else []), 1
+            at = {"median": 0, "largest": 1, "left out": 2, "black box": 3}
+        result = {}
+        for row in rows:
+            words = row.split()
+            values = [numpy.nan if word == "-" else float(word) / 100 for word in words[names:]]
+            result[" ".join(words[:names])] = {key: values[i] for key, i in at.items()}
+        return result
+
+    def plot(self, path: Path | None = None) -> Figure:
+        """Draws the losses over the time of training with matplotlib, and returns the figure. With
+        `path` it also saves the figure."""
+        from .plot import losses
+
+        return losses(self.history, path)
+
+    def __repr__(self) -> str:
+        return f"<portmet fit in {self.folder}: {self.verdict or 'not judged'}>"
 
 
-def fit(config, output, *, data=None, **options):
+def _is_weights(path: str) -> bool:
+    try:
+        Weights(path)
+    except (KeyError, OSError):
+        return False
+    return True
+
+
+class Evaluation:
+    """The result of `evaluate`. `truth` and `prediction` are arrays [trajectory][time][column] with
+    the names `columns`, for the numbers `trajectories` of the data; `t` are the times in s. `errors`
+    maps each group of variables to the relative L2 errors [trajectory] of its rollouts; `scores` is
+    the JSON of `portmet-train evaluate --json`, with laws and thermodynamic quantities. `violates`:
+    a component that keeps a law by construction violates it."""
+
+    def __init__(self, scores: dict[str, typing.Any], truth: Dataset, prediction: Dataset, violates: bool) -> None:
+        self.scores, self.violates, self.columns = scores, violates, prediction.columns
+        rollouts = scores["rollouts"]
+        self.trajectories: list[int] = [r["trajectory"] for r in rollouts]
+        self.seen: list[bool | None] = [r["seen"] for r in rollouts]
+        self.t, self.prediction = prediction.t, prediction.z
+        self.truth: Numbers = numpy.stack([truth[name][self.trajectories, :len(self.t)] for name in self.columns], axis=2)
+        self.errors: dict[str, Numbers] = {
+            group: numpy.array([numpy.nan if r["error"][group] is None else r["error"][group] for r in rollouts])
+            for group in scores["groups"]}
+
+    def plot(self, path: Path | None = None, trajectory: int = 0) -> Figure:
+        """Draws one trajectory, the truth and the prediction of every column, and returns the figure.
+        `trajectory` counts those that were evaluated."""
+        from .plot import rollout
+
+        return rollout(self, trajectory, path)
+
+    def __str__(self) -> str:
+        rows = [f"{'group':12} {'median, %':>10} {'largest, %':>10} {'persistence, %':>14}"]
+        for group, errors in self.errors.items():
+            persistence = self.scores["groups"][group]["persistence"]
+            rows.append(f"{group:12} {100 * numpy.median(errors):10.3g} {100 * errors.max():10.3g} {100 * persistence:14.3g}")
+        laws = self.scores["laws"]
+        if laws:
+            rows.append(f"steps in violation: {laws['violations']} of {laws['steps']}; the energy drifts by "
+                        f"{laws['energy_drift']:.3g} J at most, the entropy falls by {laws['entropy_fall']:.3g} J/K at most")
+        return "\n".join(rows)
+
+    def __repr__(self) -> str:
+        return f"<portmet evaluation of {self.scores['scene']}: {len(self.trajectories)} trajectories>\n{self}"
+
+
+def fit(config: Path, output: Path, *, data: Data | None = None, progress: bool | None = None,
+        **options: typing.Any) -> Fit:
     """Trains the models of a training file, or of a scene with a proposal, as `portmet-train fit` does,
-    and writes their weights to the folder `output`. The other options are those of the command, with
-    underscores: trajectories="0:40", validation="none", resume=True."""
-    code, report = _run("fit", config, "-o", output, *_options({"data": data, **options}))
-    return Fit(os.fspath(output), report, code == 0)
+    and writes their weights to the folder `output`. `progress` shows each line as it comes; None: in a
+    notebook or a terminal. The other options are those of the command, with underscores:
+    trajectories="0:40", validation="none", resume=True."""
+    code, report = _run("fit", config, "-o", output, *_options({"data": data, **options}), codes=(0, UNFIT),
+                        progress=_is_interactive() if progress is None else progress)
+    return Fit(os.path.abspath(os.fspath(output)), report, code == 0)
 
 
-def propose(scene, data, output, **options):
-    """Writes a draft of a training file for a scene and its data."""
-    return _run("propose", scene, *_options({"data": data, "output": output, **options}))[1]
+def propose(scene: Path | None = None, data: Data | None = None, output: Path | None = None,
+            **options: typing.Any) -> str:
+    """Writes a draft of a training file for a scene and its data, or, without a scene, a scene and a
+    training file for tables, and returns what the command prints."""
+    return _run("propose", *([] if scene is None else [scene]), *_options({"data": data, "output": output, **options}))[1]
 
 
-def evaluate(scene, *, data, **options):
-    """Predicts the trajectories of a dataset and returns the printed scores."""
-    return _run("evaluate", scene, *_options({"data": data, **options}))[1]
+def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
+    """Predicts the trajectories of a dataset and returns an Evaluation. With the option `estimate`, for
+    measurements, it returns the JSON of `portmet-train evaluate --estimate --json` instead."""
+    if "estimate" in options:
+        return json.loads(_run("evaluate", scene, *_options({"data": data, "json": True, **options}))[1])
+    with tempfile.TemporaryDirectory() as folder:
+        several = data if isinstance(data, (list, tuple)) else [data]
+        given = several[0] if len(several) == 1 else ""
+        try:
+            truth = Dataset(given)
+        except (OSError, KeyError):  # tables
+            given = os.path.join(folder, "data.h5")
+            import_tables(data, given)
+            truth = Dataset(given)
+        record = options.pop("record", None) or os.path.join(folder, "prediction.h5")
+        code, text = _run("evaluate", scene, *_options({"data": given, "json": True, "record": record, **options}),
+                          codes=(0, VIOLATED))
+        return Evaluation(json.loads(text), truth, Dataset(record), code == VIOLATED)
 
 
-def import_tables(tables, output, **options):
+def import_tables(tables: Data, output: Path, **options: typing.Any) -> str:
     """Turns tables, a path or a list of paths, into a dataset, as `portmet-train import` does."""
-    tables = tables if isinstance(tables, (list, tuple)) else [tables]
-    return _run("import", *tables, *_options({"output": output, **options}))[1]
+    several = tables if isinstance(tables, (list, tuple)) else [tables]
+    return _run("import", *several, *_options({"output": output, **options}))[1]

@@ -17,9 +17,12 @@ def fit(folder):
     if len(rows) < FEWEST_ROWS:
         return
     text = ("set datafile separator ','\n" + LOG_AXIS + "set xlabel 'time of training, s'\n"
-            "plot 'fit.csv' using 4:5 every ::1 with lines linecolor '#0072b2' title 'loss'")
+            # Losses of different stages are different quantities: no line joins them.
+            + "plot " + ", ".join(f"'fit.csv' using 4:($1 == {stage} ? $5 : NaN) every ::1 with lines "
+                                  f"linecolor '{colour(i)}' title 'loss, stage {stage}'"
+                                  for i, stage in enumerate(sorted({row["stage"] for row in rows}, key=int))))
     if any(row["validation"] for row in rows):
-        text += (", 'fit.csv' using 4:6 every ::1 with points pointtype 7 linecolor '#d55e00' "
+        text += (", 'fit.csv' using 4:6 every ::1 with points pointtype 7 linecolor '#222222' "
                  "title 'rollouts on the validation part: error relative to persistence'")
     try:
         picture(folder, "fit", 900, 450, text + "\n")
