@@ -24,12 +24,14 @@ types=${XDG_CACHE_HOME:-$HOME/.cache}/portmet/spy
 mkdir -p "$types"
 logs=$types
 [ -n "${DISPLAY:-}" ] || { echo "spy.sh: lcm-spy needs a display, and DISPLAY names none" >&2; exit 2; }
-need_packages liblcm-bin liblcm-java default-jdk libjchart2d-java
+need_packages liblcm-bin liblcm-java default-jre libjchart2d-java ecj python3
 
 java=/usr/share/java
 lcm-gen -j --jpath "$types" lcmtypes/portmet.lcm
-javac -nowarn -cp $java/lcm.jar -d "$types/classes" "$types"/portmet/*.java
-jar cf "$types/types.jar" -C "$types/classes" .
+# Debian's small compiler for Java needs no JDK.
+ecj -nowarn -source 8 -target 8 -cp $java/lcm.jar -d "$types/classes" "$types"/portmet/*.java
+rm -f "$types/types.jar"
+(cd "$types/classes" && python3 -m zipfile -c ../types.jar portmet)
 
 exec java -Djava.net.preferIPv4Stack=true -Xmx128m \
     -cp "$java/lcm.jar:$java/jchart2d.jar:$types/types.jar" lcm.spy.Spy

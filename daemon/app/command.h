@@ -23,6 +23,7 @@ typedef struct pm_run_options {
     const char *inputs;            // values of live inputs
     const char *hosts;             // of the processes, for `emit`
     const char *fmi;               // version of the FMU that is written
+    const char *author;            // of its model; NULL: not named
     const char *text;              // of the scene; NULL: that of the file `scene`
     const char *other;             // folder of the weights that another host has
     const char *budget;            // s, of a study

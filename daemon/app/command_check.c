@@ -17,6 +17,7 @@
 #include "transport/channel.h"
 
 #define PM_COVERED 0.1   // of the width of a range, by which another one may reach beyond it
+#define MOST_FLUX_ENDS 8 // of a process that are listed
 #define LONGEST_LINE 400 // characters shown of one line of a model; a matrix may be large
 
 // --- lists ---
@@ -343,6 +344,34 @@ static void print_processes(const pm_scene *scene) {
     }
 }
 
+// Prints the ends of ports in the order in which flux messages of process i have them, and returns
+// their number. `channel` comes before them; NULL: nothing is printed.
+static int print_flux_ends(const pm_scene *scene, int i, const char *channel) {
+    const pm_physics *physics = &scene->physics;
+    int count = 0;
+    for (int id = 0; id < physics->nsubsystem; ++id) {
+        if (physics->subsystem[id].process != i) {
+            continue;
+        }
+        for (int k = physics->first_end[id]; k < physics->first_end[id + 1]; ++k) {
+            const pm_scene_port *port = &physics->port[physics->end_at[k] / 2];
+            if (!pm_port_crosses_processes(scene, port)) {
+                continue;
+            }
+            if (channel != NULL && count < MOST_FLUX_ENDS) {
+                printf(count == 0 ? "  %s: end %c of %s" : ", %s%c of %s",
+                       count == 0 ? channel : "", physics->end_at[k] % 2 == 0 ? 'a' : 'b',
+                       port->name);
+            }
+            ++count;
+        }
+    }
+    if (channel != NULL && count > MOST_FLUX_ENDS) {
+        printf(", and %d more", count - MOST_FLUX_ENDS);
+    }
+    return count;
+}
+
 static pm_status print_channels(const pm_scene *scene) {
     static const char *const words[] = {"HELLO",        "TICK",   "COMMAND", "REQUEST",
                                         "REQUEST_TICK", "LEDGER", "VITALS",  "HEALTH"};
@@ -353,16 +382,10 @@ static pm_status print_channels(const pm_scene *scene) {
         printf("  %s\n", channel);
     }
     for (int i = 0; i < scene->network.nprocess && i < PM_SCENE_LISTED; ++i) {
-        bool sends = false; // fluxes to another process
-        for (int k = 0; k < 2 * scene->physics.nport && !sends; ++k) {
-            const pm_scene_port *port = &scene->physics.port[k / 2];
-            const int id = port->subsystem[k % 2];
-            sends = id >= 0 && scene->physics.subsystem[id].process == i &&
-                    pm_port_crosses_processes(scene, port);
-        }
-        if (sends) {
+        if (print_flux_ends(scene, i, NULL) > 0) {
             PM_TRY(pm_channel_process(channel, scene, "FLUX", i));
-            printf("  %s\n", channel);
+            (void)print_flux_ends(scene, i, channel);
+            printf("\n");
         }
         PM_TRY(pm_channel_process(channel, scene, "REPORT", i));
         printf("  %s\n", channel);

@@ -29,7 +29,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     if (output != NULL) {
         bool compiled = false;
-        PM_TRY_DONE(pm_export_fmu(&setup, fmi[0] - '0', output, &compiled));
+        PM_TRY_DONE(pm_export_fmu(&setup, fmi[0] - '0', options->author, output, &compiled));
         if (!options->quiet) {
             printf("wrote %s, %s\n", output,
                    compiled ? "with sources and a binary for this machine"

@@ -18,6 +18,7 @@
 #include "app/notify.h"
 #include "app/view_server.h"
 #include "base/journal.h"
+#include "library/names.h"
 #include "lockstep/health.h"
 #include "lockstep/listener.h"
 #include "lockstep/remote.h"
@@ -34,13 +35,15 @@
 #define DATAGRAM_SIZE 1400     // bytes, at which a text of values ends, so that it fits a packet
 #define NAME_SIZE 256          // bytes of the name of a node, a value or a series
 #define TEXT_SIZE 8192         // bytes of a name or path in JSON, at most
+#define MOST_STATES 512        // components of the states that are shown
 #define DEFAULT_PORT 8080      // of the page
 #define CONTROL_PATIENCE 1.0   // s for a service to answer what the page asks for
 #define DEFAULT_ADDRESS "127.0.0.1"
 
 // The numbers of a frame: first the TOTALS below; then the energy (J), the entropy (J/K) and the
 // entropy production within (W/K) of each part; then the energy flux (W) into end 0 and end 1 and
-// the entropy flux (W/K) into end 0 and end 1 of each edge.
+// the entropy flux (W/K) into end 0 and end 1 of each edge; then the states that are shown. All
+// behind the totals follow twice more: the least and the largest value since the frame before.
 enum {
     SESSION_HIGH, // the upper and the lower 32 bits of the session's number, since a double
     SESSION_LOW,  // cannot hold it as a whole
@@ -51,6 +54,7 @@ enum {
     ENERGY_RESIDUAL,  // 1
     ENTROPY_RESIDUAL, // 1
     VIOLATIONS,       // steps
+    SEEN,             // samples of the run so far, of which the curves are made
     TOTALS
 };
 enum { PER_PART = 3, PER_EDGE = 4 };
@@ -73,23 +77,28 @@ typedef struct view_edge {
 typedef struct view_graph {
     int npart; // nodes that are subsystems or groups; they come before the boundary inputs
     int nnode, nedge;
-    view_node *node; // [nnode]
-    view_edge *edge; // [nedge]
-    int *node_of;    // [nsubsystem]; -1: the subsystem is not shown
-    int *edge_of;    // [nport]; -1: the port is within a group, or not shown
-    int *first_end;  // [nport] the end of the port at end 0 of its edge
+    view_node *node;            // [nnode]
+    view_edge *edge;            // [nedge]
+    int *node_of;               // [nsubsystem]; -1: the subsystem is not shown
+    int *edge_of;               // [nport]; -1: the port is within a group, or not shown
+    int *first_end;             // [nport] the end of the port at end 0 of its edge
+    int nstate;                 // components of states that are shown: of recordings alone
+    const char **state, **unit; // [nstate] their names and units
 } view_graph;
 
 // The frames that are kept: they are spread over the whole run. Whenever the memory is full, every
 // second one is forgotten and from then on half as many are kept. The newest frame is kept apart.
+// A frame that is not kept widens the bounds of the next one that is.
 typedef struct view_history {
     int width;       // numbers in a frame
+    int shown;       // of them behind the totals, without their bounds
     int capacity;    // frames, an even number
     int count;       // frames kept
     int64_t stride;  // one of so many frames is kept
     int64_t newest;  // number of the newest frame; the first one has the number 1; 0: none
     int64_t *number; // [capacity] numbers of the frames, ascending
     double *frame;   // [capacity][width]
+    double *bounds;  // [2][shown] of the frames since the last one that was kept
 } view_history;
 
 typedef struct view {
@@ -98,7 +107,10 @@ typedef struct view {
     pm_scene *scene;
     view_graph graph;
     view_history history;
-    double *frame; // [history.width] the newest frame
+    double *frame;  // [history.width] the newest frame
+    double *sample; // [2][history.shown] bounds of the samples since the newest frame
+    int64_t heard;  // session of these samples
+    double seen;    // samples of this session
     pm_transport *transport;
     pm_listener *listener; // NULL: a recording is shown
     pm_view_server *server;
@@ -143,6 +155,46 @@ static void add_edges(view_graph *g, const pm_scene *scene, bool summed) {
     }
 }
 
+// Names the states of the subsystems that are shown one by one, if they are few. A recording has
+// those of a range in one array, which is not shown.
+static pm_status name_states(view *v, const bool *shown) {
+    const pm_scene *scene = v->scene;
+    view_graph *g = &v->graph;
+    pm_scene_variables names;
+    PM_TRY(pm_scene_variable_names(&names, scene, &v->arena));
+    g->state = pm_arena_array(&v->arena, (size_t)scene->physics.nz, sizeof *g->state);
+    g->unit = pm_arena_array(&v->arena, (size_t)scene->physics.nz, sizeof *g->unit);
+    PM_TRY(pm_arena_status(&v->arena, "the states of %s", scene->name));
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
+        if ((shown != NULL && !shown[i]) || (shown == NULL && s->range != NULL)) {
+            continue;
+        }
+        for (int c = 0; c < s->layout.nz; ++c, ++g->nstate) {
+            g->state[g->nstate] = names.state.name[s->first + c];
+            g->unit[g->nstate] = names.state.unit[s->first + c];
+        }
+    }
+    g->nstate = g->nstate > MOST_STATES ? 0 : g->nstate;
+    return PM_OK;
+}
+
+// --- bounds: the least values [n], then the largest ones [n] ---
+
+static void forget_bounds(double *bounds, int n) {
+    for (int i = 0; i < 2 * n; ++i) {
+        bounds[i] = NAN;
+    }
+}
+
+// Widens bounds [2][n] so that they hold the values from low [n] to high [n]. NaN is no value.
+static void widen(double *bounds, const double *low, const double *high, int n) {
+    for (int i = 0; i < n; ++i) {
+        bounds[i] = fmin(bounds[i], low[i]);
+        bounds[n + i] = fmax(bounds[n + i], high[i]);
+    }
+}
+
 static pm_status make_graph(view *v) {
     const pm_scene *scene = v->scene;
     view_graph *g = &v->graph;
@@ -178,14 +230,23 @@ static pm_status make_graph(view *v) {
         g->node[g->npart + i].name = scene->physics.boundary_input[i].name;
     }
     add_edges(g, scene, summed);
-    h->width = TOTALS + PER_PART * g->npart + PER_EDGE * g->nedge;
+    if (v->options->recording != NULL && !summed) {
+        PM_TRY(name_states(v, shown));
+    }
+    h->shown = PER_PART * g->npart + PER_EDGE * g->nedge + g->nstate;
+    h->width = TOTALS + 3 * h->shown;
     const int room = MOST_NUMBERS / h->width / 2 * 2;
     h->capacity = room < LEAST_FRAMES ? LEAST_FRAMES : room > MOST_FRAMES ? MOST_FRAMES : room;
     h->stride = 1;
     const size_t capacity = (size_t)h->capacity, width = (size_t)h->width;
     h->number = pm_arena_array(&v->arena, capacity, sizeof *h->number);
     h->frame = pm_arena_array(&v->arena, capacity * width, sizeof *h->frame);
+    h->bounds = pm_arena_array(&v->arena, 2 * (size_t)h->shown, sizeof *h->bounds);
     v->frame = pm_arena_array(&v->arena, width, sizeof *v->frame);
+    v->sample = pm_arena_array(&v->arena, 2 * (size_t)h->shown, sizeof *v->sample);
+    PM_TRY(pm_arena_status(&v->arena, "the frames of a view of %s", scene->name));
+    forget_bounds(h->bounds, h->shown);
+    forget_bounds(v->sample, h->shown);
     return pm_arena_status(&v->arena, "the frames of a view of %s", scene->name);
 }
 
@@ -208,7 +269,9 @@ static double *frame_at(const view_history *h, int i) {
 // Adds a copy of frame [width], if it is one of those to be kept.
 static void keep_frame(view_history *h, const double *frame) {
     const size_t size = (size_t)h->width * sizeof *frame;
+    const int bounds = TOTALS + h->shown, n = h->shown;
     h->newest += 1;
+    widen(h->bounds, frame + bounds, frame + bounds + n, n);
     if (h->count > 0 && h->newest < h->number[h->count - 1] + h->stride) {
         return;
     }
@@ -217,11 +280,15 @@ static void keep_frame(view_history *h, const double *frame) {
         h->stride *= 2;
         for (int i = 1; i < h->count; ++i) {
             h->number[i] = h->number[2 * i];
+            const double *between = frame_at(h, 2 * i - 1) + bounds;
+            widen(frame_at(h, 2 * i) + bounds, between, between + n, n);
             memcpy(frame_at(h, i), frame_at(h, 2 * i), size);
         }
     }
     h->number[h->count] = h->newest;
-    memcpy(frame_at(h, h->count++), frame, size);
+    memcpy(frame_at(h, h->count), frame, size);
+    widen(frame_at(h, h->count++) + bounds, h->bounds, h->bounds + n, n);
+    forget_bounds(h->bounds, n);
 }
 
 // --- frames of a recording ---
@@ -232,9 +299,23 @@ typedef struct recording_reader {
     const view *view;
     int rows;      // complete samples in the file
     int stride;    // one of so many is kept
+    bool summed;   // several series make one number
     double *value; // [most] numbers read from the file
     int *at;       // [most] position in a frame of each member of a range; -1: none
 } recording_reader;
+
+// Widens the bounds at position `at` of all frames by the samples between them, of a series [rows]
+// that stands for this number alone.
+static void add_between(const recording_reader *r, const double *value, int at) {
+    const view_history *h = &r->view->history;
+    for (int i = 0; i < h->count && at >= TOTALS; ++i) {
+        double *low = frame_at(h, i) + at + h->shown, *high = low + h->shown;
+        for (long k = (long)(i - 1) * r->stride + 1; k <= (long)i * r->stride; ++k) {
+            *low = k < 0 ? *low : fmin(*low, value[k]);
+            *high = k < 0 ? *high : fmax(*high, value[k]);
+        }
+    }
+}
 
 // Adds the series `name`, which has one number for each sample, to the numbers at position `at` of
 // all frames. Without the series they become NaN: a recording need not have every number.
@@ -255,6 +336,9 @@ static pm_status add_series(const recording_reader *r, const char *name, int at)
     }
     for (int i = 0; i < h->count && status == PM_OK; ++i) {
         frame_at(h, i)[at] += value == NULL ? (double)NAN : value[(long)i * r->stride];
+    }
+    if (status == PM_OK && value != NULL && !r->summed) {
+        add_between(r, value, at);
     }
     free(value);
     return status;
@@ -308,6 +392,28 @@ static pm_status add_components(recording_reader *r, const pm_recorded_families 
     return PM_OK;
 }
 
+// Adds the states of the subsystems whose names name_states has listed.
+static pm_status add_states(const recording_reader *r, const pm_recorded_families *families) {
+    const view_history *h = &r->view->history;
+    const view_graph *g = &r->view->graph;
+    const pm_physics *physics = &r->view->scene->physics;
+    int at = TOTALS + h->shown - g->nstate;
+    char name[NAME_SIZE];
+    for (int f = 0; f < families->nsubsystem && g->nstate > 0; ++f) {
+        const pm_recorded_family *family = &families->subsystem[f];
+        const int nz = physics->subsystem[family->first].layout.nz;
+        if (family->is_range || at + nz > TOTALS + h->shown) {
+            continue;
+        }
+        snprintf(name, sizeof name, "/subsystems/%s/z", family->name);
+        for (int i = 0; i < h->count; ++i) {
+            PM_TRY(pm_hdf5_read_row(r->file, name, i * r->stride, nz, frame_at(h, i) + at));
+        }
+        at += nz;
+    }
+    return PM_OK;
+}
+
 // Reads all samples of the recording, or as many as the history keeps, evenly spread. PM_EFILE: the
 // file cannot be read, or is no recording of this scene. PM_ENOMEM.
 static pm_status read_recording(view *v) {
@@ -322,6 +428,7 @@ static pm_status read_recording(view *v) {
     const pm_scene *scene = v->scene;
     view_history *h = &v->history;
     recording_reader r = {.path = v->options->recording, .view = v};
+    r.summed = v->graph.npart < scene->physics.nsubsystem && scene->run.recorded == NULL;
     uint64_t committed;
     pm_status status;
     PM_TRY_DONE(pm_hdf5_open(&r.file, r.path, PM_HDF5_ANY, PM_EFILE));
@@ -355,16 +462,27 @@ static pm_status read_recording(view *v) {
     h->newest = h->count;
     for (int i = 0; i < h->count; ++i) {
         h->number[i] = i + 1;
+        forget_bounds(frame_at(h, i) + TOTALS + h->shown, h->shown);
     }
     for (size_t i = 0; i < sizeof totals / sizeof totals[0]; ++i) {
         PM_TRY_DONE(add_series(&r, totals[i].name, totals[i].at));
+    }
+    bool whole = !r.summed; // all samples widen the bounds
+    for (int i = 0; i < families.nsubsystem; ++i) {
+        whole = whole && !families.subsystem[i].is_range;
     }
     for (int i = 0; i < h->count; ++i) {
         double *frame = frame_at(h, i);
         frame[STEP] = round(frame[TIME] / scene->physics.dt);
         frame[VIOLATIONS] = NAN; // no series has their number
+        frame[SEEN] = 1 + (double)i * (whole ? r.stride : 1);
     }
-    status = add_components(&r, &families);
+    PM_TRY_DONE(add_components(&r, &families));
+    PM_TRY_DONE(add_states(&r, &families));
+    for (int i = 0; i < h->count; ++i) { // what the frame shows is within
+        double *number = frame_at(h, i) + TOTALS;
+        widen(number + h->shown, number, number, h->shown);
+    }
 done:
     pm_hdf5_close(r.file);
     return status;
@@ -409,7 +527,8 @@ static void put_lists(FILE *file, const double *value, int count, int width) {
 
 // {"scene": {"name", "recording", "dt", "steps", "subsystems", "ports", "nodes": [{"name",
 // "count"}], "parts", "edges": [{"name", "a", "b", "count"}]}}: the graph. The first `parts` nodes
-// are subsystems or groups of them, the others boundary inputs; a and b are positions of nodes.
+// are subsystems or groups of them, the others boundary inputs; a and b are positions of nodes. The
+// list "states": [{"name", "unit"}] follows; it is empty for runs, whose messages have no states.
 static void write_scene(FILE *file, const view *v) {
     const pm_scene *scene = v->scene;
     const view_graph *g = &v->graph;
@@ -437,16 +556,29 @@ static void write_scene(FILE *file, const view *v) {
         put_text(file, edge->name);
         fprintf(file, ",\"a\":%d,\"b\":%d,\"count\":%d}", edge->end[0], edge->end[1], edge->count);
     }
+    fputs("],\"states\":[", file);
+    for (int i = 0; i < g->nstate; ++i) {
+        fputs(i == 0 ? "{\"name\":" : ",{\"name\":", file);
+        put_text(file, g->state[i]);
+        fputs(",\"unit\":", file);
+        put_text(file, g->unit[i]);
+        fputc('}', file);
+    }
     fputs("]}}", file);
 }
 
 // {"frame": {"session", "step", "time", "energy", "entropy", "energy_residual", "entropy_residual",
-// "violations", "parts": [energies, entropies, productions], "edges": [energy fluxes into a,
-// likewise into b, entropy fluxes into a, likewise into b]}}.
-static void write_frame(FILE *file, const view_graph *g, const double *frame) {
+// "violations", "seen", "parts": [energies, entropies, productions], "edges": [energy fluxes into
+// a, likewise into b, entropy fluxes into a, likewise into b], "states": [states]}}. Where values
+// since the frame before lie beyond those of this frame, "low": [bounds] and "high": [bounds]
+// follow, of all numbers from "parts" on.
+static void write_frame(FILE *file, const view_graph *g, const view_history *h,
+                        const double *frame) {
     static const char *const totals[] = {
-        "step", "time", "energy", "entropy", "energy_residual", "entropy_residual", "violations",
+        "step",       "time", "energy", "entropy", "energy_residual", "entropy_residual",
+        "violations", "seen",
     };
+    const double *low = frame + TOTALS + h->shown;
     // The page's numbers are doubles, too: it receives a text, which it only compares.
     fprintf(file, "{\"frame\":{\"session\":\"%" PRIu64 "\"",
             (uint64_t)frame[SESSION_HIGH] << 32 | (uint64_t)frame[SESSION_LOW]);
@@ -457,6 +589,16 @@ static void write_frame(FILE *file, const view_graph *g, const double *frame) {
     put_lists(file, frame + TOTALS, PER_PART, g->npart);
     fputs(",\"edges\":", file);
     put_lists(file, frame + TOTALS + PER_PART * g->npart, PER_EDGE, g->nedge);
+    fputs(",\"states\":", file);
+    put_lists(file, low - g->nstate, 1, g->nstate);
+    bool wider = false;
+    for (int i = 0; i < h->shown; ++i) {
+        wider = wider || low[i] < frame[TOTALS + i] || low[h->shown + i] > frame[TOTALS + i];
+    }
+    for (int i = 0; i < 2 && wider; ++i) {
+        fputs(i == 0 ? ",\"low\":" : ",\"high\":", file);
+        put_lists(file, low + i * h->shown, 1, h->shown);
+    }
     fputs("}}", file);
 }
 
@@ -621,7 +763,7 @@ static bool write_next(void *context, pm_view_progress *progress, FILE *file) {
         return false;
     }
     progress->frame = low < h->count ? h->number[low] : h->newest;
-    write_frame(file, &v->graph, low < h->count ? frame_at(h, low) : v->frame);
+    write_frame(file, &v->graph, h, low < h->count ? frame_at(h, low) : v->frame);
     return true;
 }
 
@@ -735,38 +877,16 @@ static pm_status send_values(const view *v) {
 
 // --- a run ---
 
-// Makes a frame of the newest sample, if it is a new one.
-static pm_status take_frame(view *v) {
-    const int64_t session = pm_listener_session(v->listener);
-    const pm_sample *sample = pm_listener_sample(v->listener);
-    const portmet_ledger_t *ledger = pm_listener_ledger(v->listener);
+// Writes the numbers of a sample behind the totals of a frame to `number` [shown].
+static void number_sample(const view *v, const pm_sample *sample, double *number) {
     const view_graph *g = &v->graph;
-    double *const frame = v->frame, *const part = frame + TOTALS;
-    double *const edge = part + PER_PART * g->npart;
-    if (sample == NULL || (session == v->session && sample->step == v->step)) {
-        return PM_OK;
-    }
-    if (session != v->session) { // numbers of frames go on
-        v->history.count = 0;
-        v->history.stride = 1;
-    }
-    v->session = session;
-    v->step = sample->step;
-    memset(frame, 0, (size_t)v->history.width * sizeof *frame);
-    frame[SESSION_HIGH] = (double)((uint64_t)session >> 32);
-    frame[SESSION_LOW] = (double)(uint32_t)session;
-    frame[STEP] = (double)sample->step;
-    frame[TIME] = sample->time;
-    frame[ENERGY] = ledger == NULL ? (double)NAN : ledger->energy;
-    frame[ENTROPY] = ledger == NULL ? (double)NAN : ledger->entropy;
-    frame[ENERGY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->energy_residual;
-    frame[ENTROPY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->entropy_residual;
-    frame[VIOLATIONS] = ledger == NULL ? (double)NAN : (double)ledger->violations;
+    double *const edge = number + PER_PART * g->npart;
+    memset(number, 0, (size_t)v->history.shown * sizeof *number);
     for (int i = 0; i < v->scene->physics.nsubsystem; ++i) {
         const int k = g->node_of[i];
-        part[k] += sample->energy[i];
-        part[g->npart + k] += sample->entropy[i];
-        part[2 * g->npart + k] += sample->bulk_entropy[i];
+        number[k] += sample->energy[i];
+        number[g->npart + k] += sample->entropy[i];
+        number[2 * g->npart + k] += sample->bulk_entropy[i];
     }
     for (int i = 0; i < v->scene->physics.nport; ++i) {
         const int k = g->edge_of[i];
@@ -776,6 +896,53 @@ static pm_status take_frame(view *v) {
             edge[(2 + end) * g->nedge + k] += flux->entropy;
         }
     }
+}
+
+// Takes note of every sample that the listener completes.
+static void note_sample(void *context, const pm_sample *sample) {
+    view *v = context;
+    const int n = v->history.shown;
+    const int64_t session = pm_listener_session(v->listener);
+    if (session != v->heard) {
+        v->heard = session;
+        v->seen = 0;
+        forget_bounds(v->sample, n);
+    }
+    v->seen += 1;
+    number_sample(v, sample, v->frame + TOTALS);
+    widen(v->sample, v->frame + TOTALS, v->frame + TOTALS, n);
+}
+
+// Makes a frame of the newest sample, if it is a new one.
+static pm_status take_frame(view *v) {
+    const int64_t session = pm_listener_session(v->listener);
+    const pm_sample *sample = pm_listener_sample(v->listener);
+    const portmet_ledger_t *ledger = pm_listener_ledger(v->listener);
+    const int n = v->history.shown;
+    double *const frame = v->frame;
+    if (sample == NULL || (session == v->session && sample->step == v->step)) {
+        return PM_OK;
+    }
+    if (session != v->session) { // numbers of frames go on
+        v->history.count = 0;
+        v->history.stride = 1;
+        forget_bounds(v->history.bounds, n);
+    }
+    v->session = session;
+    v->step = sample->step;
+    frame[SESSION_HIGH] = (double)((uint64_t)session >> 32);
+    frame[SESSION_LOW] = (double)(uint32_t)session;
+    frame[STEP] = (double)sample->step;
+    frame[TIME] = sample->time;
+    frame[ENERGY] = ledger == NULL ? (double)NAN : ledger->energy;
+    frame[ENTROPY] = ledger == NULL ? (double)NAN : ledger->entropy;
+    frame[ENERGY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->energy_residual;
+    frame[ENTROPY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->entropy_residual;
+    frame[VIOLATIONS] = ledger == NULL ? (double)NAN : (double)ledger->violations;
+    frame[SEEN] = v->seen;
+    number_sample(v, sample, frame + TOTALS);
+    memcpy(frame + TOTALS + n, v->sample, 2 * (size_t)n * sizeof *frame);
+    forget_bounds(v->sample, n);
     keep_frame(&v->history, frame);
     return v->datagrams < 0 ? PM_OK : send_values(v);
 }
@@ -802,6 +969,7 @@ static pm_status open_view(view *v) {
         PM_TRY(pm_connect_listener(v->scene, options->url, &address));
         PM_TRY(pm_connect_open(&v->transport, v->scene, address, "view", &options->log));
         PM_TRY(pm_listener_open(&v->listener, v->transport, v->scene, options->session));
+        pm_listener_set_handler(v->listener, note_sample, v);
     }
     if (options->udp != 0) {
         const int port = (int)options->udp;

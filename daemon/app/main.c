@@ -17,7 +17,7 @@ static const pm_command *const commands[] = {
     &pm_command_view,    &pm_command_export,  &pm_command_emit,        &pm_command_check,
     &pm_command_test,    &pm_command_bench,   &pm_command_stress,
 };
-enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 46, MOST_PORT = 65535 };
+enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 47, MOST_PORT = 65535 };
 
 // Options whose values are numbers arrive as text.
 typedef struct given_options {
@@ -85,6 +85,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
           .help = "write an FMU to FILE"}},
         {PM_OPTION_OUTPUT,
          text_option("--fmi", "VERSION", &run->fmi, "version of the FMU: 2 or 3; by default 3")},
+        {PM_OPTION_OUTPUT,
+         text_option("--author", "NAME", &run->author, "author of the FMU's model")},
         {PM_OPTION_HOSTS,
          text_option("--hosts", "LIST", &run->hosts,
                      "hosts of the processes, such as a,b or upper=a,lower=b,coordinator=a")},

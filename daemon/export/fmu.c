@@ -36,6 +36,8 @@ extern const char *const pm_fmu_model_text[];
 extern const char *const pm_fmu_terminals_text[];
 extern const char *const pm_fmu_second_text[];
 extern const char *const pm_fmu_second_model_text[];
+extern const char *const pm_fmu_page_text[];
+extern const char *const pm_fmu_license_text[];
 
 static const struct {
     const char *folder, *name; // in the archive
@@ -52,6 +54,8 @@ static const struct {
     {"sources/", "fmi2.c", pm_fmu_second_text, 2},
     {"", "modelDescription.xml", pm_fmu_second_model_text, 2},
     {"terminalsAndIcons/", "terminalsAndIcons.xml", pm_fmu_terminals_text, 3},
+    {"documentation/", "index.html", pm_fmu_page_text, 0},
+    {"documentation/licenses/", "license.txt", pm_fmu_license_text, 0},
 };
 enum { NFILE = sizeof files / sizeof files[0] };
 
@@ -78,10 +82,12 @@ typedef struct variable {
     int position;          // among all variables, from 1
     int state;             // reference of the state whose derivative it is
     double start, nominal; // nominal: of states
+    double low, high;      // of states in training; NAN: not known
 } variable;
 
 typedef struct fmu_writer {
-    int version; // of FMI: 2 or 3
+    int version;        // of FMI: 2 or 3
+    const char *author; // of the model; NULL: not given
     const pm_setup *setup;
     const pm_scene *scene;
     pm_arena *arena;
@@ -236,7 +242,7 @@ static int group_of(const pm_layout *layout, int c) {
 // Sets a variable and returns it, so that more can be said of it.
 static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
     variable *v = &w->variable[reference];
-    *v = (variable){.name = name, .unit = unit, .kind = kind};
+    *v = (variable){.name = name, .unit = unit, .kind = kind, .low = NAN, .high = NAN};
     return v;
 }
 
@@ -256,6 +262,11 @@ static void add_states(fmu_writer *w) {
                     pm_arena_printf(w->arena, "%s from %.4g to %.4g in training",
                                     s->layout.group[g].size > 1 ? "length of the vector" : "value",
                                     range.low[g], range.high[g]);
+                // A component of a vector is within its length. A start outside is not refused.
+                const double low = s->layout.group[g].size > 1 ? -range.high[g] : range.low[g];
+                const bool inside = low <= state->start && state->start <= range.high[g];
+                state->low = inside ? low : NAN;
+                state->high = inside ? range.high[g] : NAN;
             }
             const char *rate = pm_arena_printf(w->arena, "der(%s)", v->state.name[k]);
             add(w, r->derivative + k, LOCAL, rate, v->rate.unit[k])->state = r->state + k;
@@ -352,10 +363,40 @@ static void write_variables(FILE *file, const void *context) {
         if (v->kind == EXACT) {
             fprintf(file, " nominal=\"%.17g\"", v->nominal);
         }
+        if (isfinite(v->low) && isfinite(v->high)) {
+            fprintf(file, " min=\"%.17g\" max=\"%.17g\"", v->low, v->high);
+        }
         if (v->kind == LOCAL) {
             fprintf(file, " derivative=\"%d\"", two ? w->variable[v->state].position : v->state);
         }
         fputs(two ? "/></ScalarVariable>\n" : "/>\n", file);
+    }
+}
+
+// Writes the rows of the table of the documentation.
+static void write_rows(FILE *file, const void *context) {
+    static const char *const causality[] = {"output, with a start value", "output", "local",
+                                            "input", "parameter"};
+    const fmu_writer *w = context;
+    for (int i = 1; i < w->reference.end; ++i) {
+        const variable *v = &w->variable[i];
+        if (v->name == NULL) {
+            continue;
+        }
+        fputs("<tr><td><code>", file);
+        put_name(file, v->name);
+        fputs("</code></td><td>", file);
+        put_text(file, modelica(w, v->unit));
+        fprintf(file, "</td><td>%s</td><td>", causality[v->kind]);
+        put_text(file, v->description == NULL ? "" : v->description);
+        fputs("</td></tr>\n", file);
+    }
+}
+
+static void write_author(FILE *file, const void *context) {
+    const char *author = ((const fmu_writer *)context)->author;
+    if (author != NULL) {
+        put_attribute(file, "author", author);
     }
 }
 
@@ -546,6 +587,8 @@ static pm_status pack_all(fmu_writer *w) {
     const pm_physics *physics = &w->scene->physics;
     const char *const h = pm_arena_printf(w->arena, "%.17g", physics->dt / physics->substeps);
     const char *const dt = pm_arena_printf(w->arena, "%.17g", physics->dt);
+    const double guard = w->scene->run.largest_departure;
+    const bool guarded = isfinite(guard);
     const pm_template_value value[] = {
         {"%NAME%", .text = w->scene->name},
         {"%VERSION%", .text = PM_VERSION},
@@ -562,6 +605,14 @@ static pm_status pack_all(fmu_writer *w) {
         {"%VARIABLES%", .write = write_variables, .context = w},
         {"%STRUCTURE%", .write = write_structure, .context = w},
         {"%NOMINALS%", .write = write_nominals, .context = w},
+        {"%AUTHOR%", .write = write_author, .context = w},
+        {"%ROWS%", .write = write_rows, .context = w},
+        {"%GUARD%", .text = guarded ? pm_arena_printf(w->arena, "%.17g", guard) : "HUGE_VAL"},
+        {"%GUARD_TEXT%",
+         .text = guarded
+                     ? pm_arena_printf(w->arena,
+                                       " A step that ends further than %.4g outside fails.", guard)
+                     : ""},
         {"%IF_PORTS%", .text = physics->nport > 0 ? "" : NULL},
         {"%TERMINALS%", .write = write_terminals, .context = w},
     };
@@ -663,10 +714,15 @@ static pm_status open_writer(fmu_writer *w) {
     return add_variables(w);
 }
 
-pm_status pm_export_fmu(const pm_setup *setup, int version, const char *path, bool *compiled) {
+pm_status pm_export_fmu(const pm_setup *setup, int version, const char *author, const char *path,
+                        bool *compiled) {
     const char *base = getenv("TMPDIR");
     pm_arena arena = {0};
-    fmu_writer w = {.version = version, .setup = setup, .scene = setup->scene, .arena = &arena};
+    fmu_writer w = {.version = version,
+                    .author = author,
+                    .setup = setup,
+                    .scene = setup->scene,
+                    .arena = &arena};
     pm_status status;
     *compiled = false;
     char *folder = pm_arena_printf(&arena, "%s/portmet-fmu-XXXXXX",

@@ -29,6 +29,8 @@ struct pm_listener {
     portmet_ledger_t ledger, next_ledger;
     portmet_health_t health, next_health;
     int64_t health_count;
+    pm_sample_handler *handler; // NULL: nobody wants every sample
+    void *context;              // of the handler
 };
 
 // --- which run ---
@@ -78,6 +80,9 @@ static void on_report(void *context, const char *channel, const void *data, size
         if (pm_report_window_add(&l->reports, remote, row) && step > l->newest &&
             pm_report_window_is_complete(&l->reports, step)) {
             l->newest = step;
+            if (l->handler != NULL) {
+                l->handler(l->context, pm_report_window_sample(&l->reports, step));
+            }
         }
     }
 }
@@ -168,6 +173,11 @@ void pm_listener_close(pm_listener *listener) {
 }
 
 // --- reading ---
+
+void pm_listener_set_handler(pm_listener *listener, pm_sample_handler *handler, void *context) {
+    listener->handler = handler;
+    listener->context = context;
+}
 
 pm_status pm_listener_read(pm_listener *listener) {
     int handled = 1;

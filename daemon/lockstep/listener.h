@@ -24,6 +24,11 @@ pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, cons
                            int64_t session);
 void pm_listener_close(pm_listener *listener); // NULL is allowed
 
+// Lets pm_listener_read call `handler` with each sample that is complete and newer than all before
+// it, also where several become complete in one call.
+typedef void pm_sample_handler(void *context, const pm_sample *sample);
+void pm_listener_set_handler(pm_listener *listener, pm_sample_handler *handler, void *context);
+
 // Handles the messages that have arrived, without waiting, at most some thousand. PM_ENET.
 pm_status pm_listener_read(pm_listener *listener);
 

@@ -1,6 +1,7 @@
 // The page of `portmetd view`: draws the messages of its websocket (daemon/app/command_view.c), and
-// sends the words of its buttons where the service lets views control runs. All frames that have come are kept, at most MOST; when there are more, every second
-// one of the older half is forgotten.
+// sends the words of its buttons where the service lets views control runs. All frames that have come
+// are kept, at most MOST; when there are more, every second one of the older half is forgotten, and
+// the next one keeps its bounds.
 "use strict";
 
 const MOST = 2000;
@@ -11,6 +12,7 @@ const byId = id => document.getElementById(id);
 
 let scene = null, frames = [], health = null, paused = false, shown = -1, dirty = true;
 let socket = null, connected = false, lastFrame = 0, lastHealth = 0, place = [], selected = -1;
+let zoom = null, cursor = null; // the times shown, [first, last], null: all; and the time pointed at
 
 // --- numbers ---
 
@@ -23,6 +25,28 @@ function text(value, unit) {
   const found = prefixes.find(p => size >= p[0]);
   if (!found || size >= 1e12) return value.toExponential(2) + " " + unit;
   return Number((value / found[0]).toPrecision(4)) + " " + found[1] + unit;
+}
+
+// Returns ticks of a scale from low to high: multiples of 1, 2 or 5 times a power of ten, at most `most` intervals.
+function ticks(low, high, most) {
+  const rough = (high - low) / most, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find(f => f * power >= rough * (1 - 1e-9));
+  const result = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; ++k) result.push(k * step);
+  return {step, values: result};
+}
+
+// Returns the text of each tick, with one prefix and as many digits as tell neighbours apart.
+function tickTexts(t, unit) {
+  const size = Math.max(...t.values.map(Math.abs), t.step);
+  const prefixes = [[1e9, "G"], [1e6, "M"], [1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "µ"], [1e-9, "n"]];
+  const found = unit && /^[A-Z]/.test(unit) && prefixes.find(p => size >= p[0]);
+  if (!found && size !== 0 && (size < 1e-3 || size >= 1e6)) {
+    const power = 10 ** Math.floor(Math.log10(size)), digits = Math.max(0, Math.ceil(-Math.log10(t.step / power) - 1e-9));
+    return t.values.map(v => v === 0 ? "0" : (v / power).toFixed(digits) + "e" + Math.round(Math.log10(power)) + " " + unit);
+  }
+  const scale = found ? found[0] : 1, digits = Math.max(0, Math.ceil(-Math.log10(t.step / scale) - 1e-9));
+  return t.values.map(v => (v / scale).toFixed(digits).replace(/^-(0[.0]*)$/, "$1") + " " + (found ? found[1] : "") + unit);
 }
 
 // --- receiving ---
@@ -40,8 +64,10 @@ function receive(message) {
     frames = [];
     health = null;
     paused = scene.recording !== null;
+    selected = -1;
+    zoom = cursor = null;
     place = layOut(scene);
-    drawLegend();
+    for (const panel of panels) panel.offer();
     document.title = scene.name + " - portmet";
   } else if (message.frame) {
     addFrame(message.frame);
@@ -65,9 +91,27 @@ function addFrame(frame) {
   frames.push(frame);
   if (frames.length > MOST) {
     const old = MOST / 2, at = frames[shown];
-    frames = frames.filter((f, i) => i === 0 || i > old || i % 2 === 0);
+    frames = thin(frames, old);
     if (paused) shown = Math.max(0, frames.findIndex(f => f.step >= at.step));
   }
+}
+
+// Forgets every second one of the first frames; the frame behind it takes its bounds.
+function thin(all, old) {
+  const forgotten = i => i > 0 && i <= old && i % 2 !== 0;
+  all.forEach((f, i) => {
+    if (!forgotten(i) || i + 1 === all.length) return;
+    const next = all[i + 1], numbers = g => [...g.parts.flat(), ...g.edges.flat(), ...g.states.flat()];
+    const bounds = (g, which) => g[which] ? g[which][0] : numbers(g);
+    const widen = (which, choose) => bounds(f, which).map((v, k) => {
+      const other = bounds(next, which)[k];
+      return v === null ? other : other === null ? v : choose(v, other);
+    });
+    const low = widen("low", Math.min), high = widen("high", Math.max);
+    next.low = [low];
+    next.high = [high];
+  });
+  return all.filter((f, i) => !forgotten(i));
 }
 
 // --- placing the parts ---
@@ -140,16 +184,20 @@ function element(name, attributes, parent, content) {
   return e;
 }
 
-// Returns a function from places to pixels that keeps proportions unless the graph is a line.
-function fit(width, height) {
-  const xs = place.map(q => q[0]), ys = place.map(q => q[1]);
+// Returns a function from places to pixels that keeps proportions unless the graph is a line. `upright`: the longest
+// direction is vertical, as a narrow page has room there.
+function fit(width, height, upright) {
+  const p = upright ? place.map(q => [q[1], q[0]]) : place;
+  const xs = p.map(q => q[0]), ys = p.map(q => q[1]);
   const x0 = Math.min(...xs), x1 = Math.max(...xs), y0 = Math.min(...ys), y1 = Math.max(...ys);
-  const room = [width - 110, height - 90];
+  const room = upright ? [width - 180, height - 60] : [width - 110, height - 90];
   const scale = [room[0] / Math.max(x1 - x0, 1e-6), room[1] / Math.max(y1 - y0, 1e-6)];
-  scale[1] = Math.min(scale[1], scale[0] * 2);
-  scale[0] = Math.min(scale[0], scale[1] * 4, 260);
-  scale[1] = Math.min(scale[1], scale[0] * 2);
-  return q => [width / 2 + (q[0] - (x0 + x1) / 2) * scale[0], height / 2 + (q[1] - (y0 + y1) / 2) * scale[1]];
+  const [short, long] = upright ? [0, 1] : [1, 0];
+  scale[short] = Math.min(scale[short], scale[long] * 2);
+  scale[long] = Math.min(scale[long], scale[short] * 4, 260);
+  scale[short] = Math.min(scale[short], scale[long] * 2);
+  return p.map(q => [(upright ? width / 3 : width / 2) + (q[0] - (x0 + x1) / 2) * scale[0],
+    height / 2 + (q[1] - (y0 + y1) / 2) * scale[1]]);
 }
 
 // The power from a to b: the energy flux into b.
@@ -192,36 +240,67 @@ function drawArrow(svg, from, to, radius, widest, share, offset) {
 }
 
 function drawGraph(frame) {
-  const svg = byId("graph"), width = svg.clientWidth, height = svg.clientHeight;
+  const svg = byId("graph"), many = scene && scene.nodes.length > 24, focused = nodeInFocus();
+  const upright = scene && !many && scene.nodes.length > 1 && svg.clientWidth < 600;
+  svg.style.height = upright ? Math.max(230, 62 * Math.min(scene.nodes.length, 16)) + "px" : "";
+  const width = svg.clientWidth, height = svg.clientHeight;
   svg.replaceChildren();
   if (!scene || !width) return;
-  const many = scene.nodes.length > 24, radius = many ? 7 : 22, widest = many ? 10 : 26;
-  const to = fit(width, height), most = largestPower(), offset = lanes();
-  const nodes = place.map(to);
+  const most = largestPower(), offset = lanes(), nodes = fit(width, height, upright);
+  // Nodes are as large as the shortest edge allows.
+  const shortest = Math.min(Infinity, ...scene.edges.map(e => Math.hypot(nodes[e.a][0] - nodes[e.b][0], nodes[e.a][1] - nodes[e.b][1])));
+  const radius = many ? 7 : Math.max(8, Math.min(22, 0.3 * shortest)), widest = many ? 10 : 1.2 * radius;
+  const named = upright || shortest > 70;
   scene.edges.forEach((e, k) => {
     const p = frame ? power(frame, k) : 0, share = most > 0 && p !== null ? Math.abs(p) / most : 0;
     const [a, b] = p < 0 ? [e.b, e.a] : [e.a, e.b];
     drawArrow(svg, nodes[a], nodes[b], radius, widest, share, p < 0 ? -offset[k] : offset[k]);
-    if (many) return;
+    if (many || !named) return;
     const x = (nodes[e.a][0] + nodes[e.b][0]) / 2, y = (nodes[e.a][1] + nodes[e.b][1]) / 2;
-    const below = y + widest / 2 + 14 + Math.max(0, offset[k]) * (widest + 6) + (offset[k] < 0 ? -widest - 22 : 0);
-    element("text", {x: x, y: below, class: "value"}, svg, frame ? text(Math.abs(p), "W") : e.name);
+    const value = frame ? text(Math.abs(p), "W") : e.name;
+    if (upright) {
+      element("text", {x: x + widest / 2 + 12, y: y + 4 + 15 * offset[k], class: "value beside"}, svg, value);
+    } else {
+      const below = y + widest / 2 + 14 + Math.max(0, offset[k]) * (widest + 6) + (offset[k] < 0 ? -widest - 22 : 0);
+      element("text", {x: x, y: below, class: "value"}, svg, value);
+    }
   });
-  scene.nodes.forEach((node, i) => drawNode(svg, node, i, nodes[i], radius, many));
+  scene.nodes.forEach((node, i) => drawNode(svg, node, i, nodes[i], radius, many ? "none" : upright ? "beside" : named ? "above" : i % 2 ? "above" : "below", frame));
+  if (focused >= 0 && svg.querySelector("g[data-node='" + focused + "']")) svg.querySelector("g[data-node='" + focused + "']").focus();
   byId("scale").textContent = most > 0 ? "the widest arrow of the run is " + text(most, "W") +
     (scene.subsystems > scene.parts ? "; " + scene.subsystems + " subsystems in " + scene.parts + " groups" : "") : "";
 }
 
-function drawNode(svg, node, i, at, radius, many) {
-  const input = i >= scene.parts, group = element("g", {}, svg);
+// The node that the keyboard has reached; -1: none.
+function nodeInFocus() {
+  const node = document.activeElement && document.activeElement.dataset ? document.activeElement.dataset.node : undefined;
+  return node === undefined ? -1 : Number(node);
+}
+
+function drawNode(svg, node, i, at, radius, label, frame) {
+  const input = i >= scene.parts;
+  const says = node.name + (input ? ", from outside" : frame ? ", " + text(frame.parts[0][i], "J") : "");
+  const group = element("g", {tabindex: 0, role: "button", "aria-pressed": i === selected, "aria-label": says, "data-node": i}, svg);
   const shape = input
     ? element("rect", {x: at[0] - radius, y: at[1] - radius, width: 2 * radius, height: 2 * radius, class: "node input"}, group)
     : element("circle", {cx: at[0], cy: at[1], r: radius, class: "node"}, group);
   if (!input) shape.style.stroke = color(i);
   shape.style.strokeWidth = i === selected ? 4 : 2;
-  element("title", {}, group, node.name);
-  if (!many) element("text", {x: at[0], y: at[1] - radius - 7}, group, node.name);
-  group.onclick = () => { selected = selected === i ? -1 : i; drawLegend(); dirty = true; };
+  element("title", {}, group, says);
+  if (label === "beside") element("text", {x: at[0] + radius + 8, y: at[1] + 4, class: "beside"}, group, node.name);
+  else if (label !== "none") element("text", {x: at[0], y: label === "below" ? at[1] + radius + 16 : at[1] - radius - 7}, group, node.name);
+  group.onclick = () => select(i);
+  group.onkeydown = event => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    select(i);
+    event.preventDefault();
+    event.stopPropagation();
+  };
+}
+
+function select(i) {
+  selected = selected === i ? -1 : i;
+  dirty = true;
 }
 
 // --- curves ---
@@ -230,102 +309,325 @@ function color(i) {
   return COLORS[i % COLORS.length];
 }
 
-function drawLegend() {
-  const legend = byId("legend");
-  legend.replaceChildren();
-  if (!scene) return;
-  const count = Math.min(scene.parts, 24);
-  for (let i = 0; i < count; ++i) {
-    const span = document.createElement("span"), mark = document.createElement("i");
-    mark.style.background = color(i);
-    span.append(mark, scene.nodes[i].name);
-    if (selected >= 0 && selected !== i) span.style.opacity = 0.4;
-    legend.append(span);
-  }
-  if (scene.parts > count) legend.append("and " + (scene.parts - count) + " more: click a node to see its curve");
+// What a panel may show: the unit, whether curves begin at zero, and a list of curves: the number's place in a frame
+// (parts, edges and states, one after the other), its name, and the nodes that it belongs to.
+const KINDS = {
+  energies: {title: "Energies", unit: "J", change: true, byNode: true, of: s => rows(s.nodes.slice(0, s.parts), i => i, i => [i])},
+  entropies: {title: "Entropies", unit: "J/K", change: true, byNode: true, of: s => rows(s.nodes.slice(0, s.parts), i => s.parts + i, i => [i])},
+  productions: {title: "Entropy production within", unit: "W/K", byNode: true, of: s => rows(s.nodes.slice(0, s.parts), i => 2 * s.parts + i, i => [i])},
+  powers: {title: "Powers through the ports", unit: "W", of: s => edgeRows(s, 1)},
+  fluxes: {title: "Entropy fluxes into the second ends", unit: "W/K", of: s => edgeRows(s, 3)},
+  firstFluxes: {title: "Entropy fluxes into the first ends", unit: "W/K", of: s => edgeRows(s, 2)},
+};
+
+function rows(items, at, nodes) {
+  return items.map((item, i) => ({name: item.name, at: at(i), nodes: nodes(i)}));
 }
 
-// Draws curves over time. Each curve is a function of a frame; `fill` fills the area below it.
-function drawCurves(id, curves, unit) {
-  const canvas = byId(id), ratio = window.devicePixelRatio || 1;
+function edgeRows(s, which) {
+  return rows(s.edges, i => 3 * s.parts + which * s.edges.length + i, i => [s.edges[i].a, s.edges[i].b]);
+}
+
+// States are offered by their unit.
+function stateKinds(s) {
+  const kinds = {}, first = 3 * s.parts + 4 * s.edges.length;
+  s.states.forEach((state, i) => {
+    const key = "state " + state.unit, owner = state.name.split(".")[0];
+    kinds[key] = kinds[key] || {title: "States in " + state.unit, unit: state.unit, list: []};
+    kinds[key].list.push({name: state.name, at: first + i, nodes: [s.nodes.findIndex(n => n.name === owner)]});
+    kinds[key].of = () => kinds[key].list;
+  });
+  return kinds;
+}
+
+// Returns number `at` of a frame, or its bound "low" or "high".
+function number(f, at, bound) {
+  if (bound && f[bound]) return f[bound][0][at];
+  if (at < 3 * scene.parts) return f.parts[Math.floor(at / scene.parts)][at % scene.parts];
+  at -= 3 * scene.parts;
+  const n = scene.edges.length;
+  return at < 4 * n ? f.edges[Math.floor(at / n)][at % n] : f.states[0][at - 4 * n];
+}
+
+function makePanel(section) {
+  const panel = {section, kinds: {}, curves: [], x: null};
+  const make = (tag, attributes, parent) => {
+    const e = document.createElement(tag);
+    Object.assign(e, attributes);
+    parent.append(e);
+    return e;
+  };
+  panel.total = section.dataset.kind === "energy" || section.dataset.kind === "entropy" ? section.dataset.kind : null;
+  if (!panel.total) {
+    const tools = make("div", {className: "tools"}, section);
+    panel.choice = make("select", {ariaLabel: "what the curves show"}, make("h2", {}, tools));
+    panel.choice.onchange = () => { dirty = true; };
+    make("small", {className: "since"}, tools);
+    for (const [name, save] of [["Whole run", () => { zoom = null; }], ["CSV", () => saveCsv(panel)], ["PNG", () => savePng(panel)]]) {
+      make("button", {type: "button", textContent: name, ariaLabel: name + ", " + section.getAttribute("aria-label")}, tools)
+        .onclick = () => { save(); dirty = true; };
+    }
+    make("canvas", {}, section);
+    make("output", {className: "values"}, section);
+    panel.legend = make("div", {className: "legend"}, section);
+  }
+  panel.canvas = section.querySelector("canvas");
+  panel.canvas.tabIndex = 0;
+  panel.canvas.setAttribute("role", "img");
+  panel.offer = () => {
+    panel.kinds = panel.total ? {} : {...KINDS, ...stateKinds(scene)};
+    if (panel.total) return;
+    const chosen = panel.choice.value || section.dataset.kind;
+    panel.choice.replaceChildren(...Object.keys(panel.kinds).map(key => new Option(panel.kinds[key].title, key)));
+    panel.choice.value = panel.kinds[chosen] ? chosen : section.dataset.kind;
+  };
+  listen(panel);
+  return panel;
+}
+
+// Pointing shows values, dragging chooses a time, and the keyboard does both.
+function listen(panel) {
+  const canvas = panel.canvas, timeAt = event => panel.x ? panel.x.time(event.clientX - canvas.getBoundingClientRect().left) : null;
+  let from = null;
+  canvas.onpointerdown = event => { from = timeAt(event); cursor = from; canvas.setPointerCapture(event.pointerId); dirty = true; };
+  canvas.onpointermove = event => { cursor = timeAt(event); panel.drag = from === null ? null : [from, cursor]; dirty = true; };
+  canvas.onpointerup = event => {
+    const to = timeAt(event);
+    if (from !== null && panel.x && Math.abs(panel.x.pixel(to) - panel.x.pixel(from)) > 5) zoom = [Math.min(from, to), Math.max(from, to)];
+    from = panel.drag = null;
+    dirty = true;
+  };
+  canvas.onpointerleave = () => { if (from === null) { cursor = null; dirty = true; } };
+  canvas.onpointercancel = () => { from = panel.drag = cursor = null; };
+  canvas.ondblclick = () => { zoom = null; dirty = true; };
+  canvas.onkeydown = event => {
+    if (!frames.length) return;
+    const [a, b] = shownTimes(), middle = cursor === null ? (a + b) / 2 : cursor, length = b - a;
+    const move = {ArrowLeft: -0.01, ArrowRight: 0.01, PageUp: -0.1, PageDown: 0.1}[event.key];
+    if (move) cursor = Math.min(b, Math.max(a, middle + move * length));
+    else if (event.key === "+") zoom = [Math.max(a, middle - length / 4), Math.min(b, middle + length / 4)];
+    else if (event.key === "-") zoom = [middle - length, middle + length];
+    else if (event.key === "Escape" || event.key === "Home") zoom = cursor = null;
+    else return;
+    dirty = true;
+    event.preventDefault();
+  };
+}
+
+// The times that all panels show.
+function shownTimes() {
+  const all = [frames[0].time, frames[frames.length - 1].time];
+  if (!zoom) return all;
+  const cut = [Math.max(all[0], zoom[0]), Math.min(all[1], zoom[1])];
+  return cut[1] > cut[0] ? cut : all;
+}
+
+// The curves of a panel: names, units, values and bounds over all frames.
+function curvesOf(panel) {
+  const style = getComputedStyle(document.body);
+  if (panel.total) {
+    const value = f => f[panel.total];
+    return {unit: panel.total === "energy" ? "J" : "J/K", change: true, title: "total " + panel.total, list: [{
+      name: "total " + panel.total, value, low: value, high: value, alpha: 1,
+      color: style.getPropertyValue(panel.total === "energy" ? "--power" : "--heat")}]};
+  }
+  const kind = panel.kinds[panel.choice.value], all = kind.of(scene);
+  const chosen = all.filter(c => c.nodes.includes(selected));
+  return {unit: kind.unit, change: kind.change, title: kind.title, list: all.map((c, i) => ({
+    name: c.name, color: color(kind.byNode ? c.nodes[0] : i), alpha: chosen.length && !chosen.includes(c) ? 0.15 : all.length > 24 && !chosen.length ? 0.5 : 1,
+    chosen: chosen.includes(c), value: f => number(f, c.at), low: f => number(f, c.at, "low"), high: f => number(f, c.at, "high")}))};
+}
+
+function drawLegend(panel, curves) {
+  if (!panel.legend) return;
+  const list = curves.list.some(c => c.chosen) ? curves.list.filter(c => c.chosen) : curves.list, most = 24;
+  const spans = list.slice(0, most).map(c => {
+    const span = document.createElement("span"), mark = document.createElement("i");
+    mark.style.background = c.color;
+    span.className = c.chosen ? "chosen" : "";
+    span.append(mark, c.name);
+    return span;
+  });
+  if (list.length > most) spans.push("and " + (list.length - most) + " more: click a node to see its curves");
+  if (!list.length) spans.push("there are none");
+  panel.legend.replaceChildren(...spans);
+}
+
+// The frame at a time: the last one not after it.
+function frameAt(time) {
+  let low = 0, high = frames.length - 1;
+  while (low < high) {
+    const middle = Math.ceil((low + high) / 2);
+    if (frames[middle].time <= time) low = middle; else high = middle - 1;
+  }
+  if (low + 1 < frames.length && frames[low + 1].time - time < time - frames[low].time) ++low;
+  return frames[low];
+}
+
+function drawPanel(panel) {
+  const canvas = panel.canvas, ratio = window.devicePixelRatio || 1;
   const width = canvas.clientWidth, height = canvas.clientHeight, style = getComputedStyle(document.body);
   if (canvas.width !== width * ratio || canvas.height !== height * ratio) {
     canvas.width = width * ratio;
     canvas.height = height * ratio;
   }
-  const c = canvas.getContext("2d");
+  const c = canvas.getContext("2d"), values = panel.section.querySelector(".values");
   c.setTransform(ratio, 0, 0, ratio, 0, 0);
   c.clearRect(0, 0, width, height);
-  if (frames.length < 2) return;
-  const t0 = frames[0].time, t1 = frames[frames.length - 1].time;
-  const values = curves.map(curve => frames.map(curve.value));
-  let low = Infinity, high = -Infinity;
-  for (const row of values) for (const v of row) {
-    if (v < low) low = v;
-    if (v > high) high = v;
+  panel.x = null;
+  values.textContent = "";
+  if (!scene || frames.length < 2) return;
+  const curves = curvesOf(panel), [t0, t1] = shownTimes();
+  drawLegend(panel, curves);
+  canvas.setAttribute("aria-label", curves.title + " over time, " + curves.list.length + " curves");
+  // "Change" counts from the first frame that was heard, which the page says where the run had begun before.
+  panel.section.querySelector(".since").textContent = !curves.change ? "" :
+    frames[0].step > 0 ? "since " + text(frames[0].time, "s") + ", when it was first heard" : panel.total ? "" : "change since the start";
+  const shownFrames = frames.filter((f, i) => f.time >= t0 && f.time <= t1 ||
+    (i + 1 < frames.length && frames[i + 1].time >= t0 && f.time < t0) || (i > 0 && frames[i - 1].time <= t1 && f.time > t1));
+  const scale = {low: Infinity, high: -Infinity};
+  for (const curve of curves.list) {
+    const first = curves.change ? curve.value(frames[0]) : 0;
+    curve.rows = shownFrames.map(f => [curve.value, curve.low, curve.high].map(get => get(f) === null ? null : get(f) - first));
+    for (const [, low, high] of curve.rows) {
+      if (low !== null && low < scale.low) scale.low = low;
+      if (high !== null && high > scale.high) scale.high = high;
+    }
   }
-  if (!isFinite(low)) return;
-  if (high === low) { high += 1e-15; low -= 1e-15; }
-  const left = 84, right = 8, top = 8, bottom = 18;
+  if (!isFinite(scale.low) || !isFinite(scale.high)) return;
+  if (scale.high - scale.low < 1e-13 * Math.max(Math.abs(scale.high), 1e-2)) {
+    const middle = (scale.high + scale.low) / 2, half = 1e-13 * Math.max(Math.abs(middle), 1e-2);
+    scale.low = middle - half;
+    scale.high = middle + half;
+  }
+  const left = 84, right = 10, top = 8, bottom = 20;
   const x = t => left + (t - t0) / Math.max(t1 - t0, 1e-12) * (width - left - right);
-  const y = v => height - bottom - (v - low) / (high - low) * (height - top - bottom);
-  const faint = style.getPropertyValue("--faint"), line = style.getPropertyValue("--line");
-  drawAxes(c, {x, y, low, high, t0, t1, left, right, width, height, bottom, unit, faint, line});
-  values.forEach((row, i) => {
-    c.strokeStyle = curves[i].color;
-    c.globalAlpha = curves[i].alpha;
-    c.lineWidth = 1.5;
+  const y = v => height - bottom - (v - scale.low) / (scale.high - scale.low) * (height - top - bottom);
+  panel.x = {pixel: x, time: p => Math.min(t1, Math.max(t0, t0 + (p - left) / (width - left - right) * (t1 - t0)))};
+  drawAxes(c, {x, y, low: scale.low, high: scale.high, t0, t1, left, right, top, width, height, bottom, unit: curves.unit,
+    faint: style.getPropertyValue("--faint"), line: style.getPropertyValue("--line")});
+  c.save();
+  c.beginPath();
+  c.rect(left, 0, width - left - right, height - bottom + 1);
+  c.clip();
+  for (const curve of curves.list) drawCurve(c, curve, shownFrames, x, y);
+  c.restore();
+  drawMarks(c, panel, curves, {x, top, bottom: height - bottom, style, values});
+}
+
+// Draws what lies between the bounds of each frame as an area, and the values as a line.
+function drawCurve(c, curve, shownFrames, x, y) {
+  c.strokeStyle = c.fillStyle = curve.color;
+  if (curve.rows.some(r => r[1] !== r[2])) {
+    c.globalAlpha = 0.3 * curve.alpha;
     c.beginPath();
-    row.forEach((v, k) => { if (v !== null && isFinite(v)) c.lineTo(x(frames[k].time), y(v)); });
-    c.stroke();
-  });
-  c.globalAlpha = 1;
-  if (paused && frames[shown]) {
-    c.strokeStyle = faint;
-    c.lineWidth = 1;
-    c.beginPath();
-    c.moveTo(x(frames[shown].time), top);
-    c.lineTo(x(frames[shown].time), height - bottom);
-    c.stroke();
+    curve.rows.forEach((r, k) => { if (r[1] !== null) c.lineTo(x(shownFrames[k].time), y(r[1])); });
+    for (let k = curve.rows.length - 1; k >= 0; --k) if (curve.rows[k][2] !== null) c.lineTo(x(shownFrames[k].time), y(curve.rows[k][2]));
+    c.fill();
   }
+  c.globalAlpha = curve.alpha;
+  c.lineWidth = 1.5;
+  c.beginPath();
+  curve.rows.forEach((r, k) => { if (r[0] !== null && isFinite(r[0])) c.lineTo(x(shownFrames[k].time), y(r[0])); });
+  c.stroke();
+  c.globalAlpha = 1;
+}
+
+// Draws the time where the page is paused, the time pointed at with its values, and the time that is being chosen.
+function drawMarks(c, panel, curves, a) {
+  const line = (t, dash) => {
+    c.setLineDash(dash);
+    c.beginPath();
+    c.moveTo(a.x(t), a.top);
+    c.lineTo(a.x(t), a.bottom);
+    c.stroke();
+    c.setLineDash([]);
+  };
+  c.lineWidth = 1;
+  c.strokeStyle = a.style.getPropertyValue("--faint");
+  if (paused && frames[shown]) line(frames[shown].time, []);
+  if (panel.drag) {
+    c.globalAlpha = 0.15;
+    c.fillStyle = a.style.getPropertyValue("--heat");
+    c.fillRect(a.x(panel.drag[0]), a.top, a.x(panel.drag[1]) - a.x(panel.drag[0]), a.bottom - a.top);
+    c.globalAlpha = 1;
+  }
+  if (cursor === null) return;
+  const f = frameAt(cursor), list = curves.list.some(q => q.chosen) ? curves.list.filter(q => q.chosen) : curves.list;
+  line(f.time, [3, 3]);
+  a.values.textContent = text(f.time, "s") + ", step " + f.step + ": " +
+    list.slice(0, 8).map(q => q.name + " " + text(q.value(f), curves.unit)).join(", ") +
+    (list.length > 8 ? ", and " + (list.length - 8) + " more" : "");
 }
 
 function drawAxes(c, a) {
-  c.font = "11px system-ui, sans-serif";
+  c.font = "12px system-ui, sans-serif";
   c.fillStyle = a.faint;
   c.strokeStyle = a.line;
   c.lineWidth = 1;
   c.textAlign = "right";
-  for (const v of [a.low, a.high]) {
+  const up = ticks(a.low, a.high, Math.max(2, Math.floor((a.height - a.top - a.bottom) / 28)));
+  tickTexts(up, a.unit).forEach((label, i) => {
+    const y = a.y(up.values[i]);
     c.beginPath();
-    c.moveTo(a.left, a.y(v));
-    c.lineTo(a.width - a.right, a.y(v));
+    c.moveTo(a.left, y);
+    c.lineTo(a.width - a.right, y);
     c.stroke();
-    c.fillText(text(v, a.unit), a.left - 6, a.y(v) + 4);
+    c.fillText(label, a.left - 6, y + 4);
+  });
+  if (a.t1 <= a.t0) return;
+  const along = ticks(a.t0, a.t1, Math.max(2, Math.floor((a.width - a.left - a.right) / 80)));
+  c.textAlign = "center";
+  tickTexts(along, "s").forEach((label, i) => {
+    const x = a.x(along.values[i]), half = c.measureText(label).width / 2;
+    c.beginPath();
+    c.moveTo(x, a.top);
+    c.lineTo(x, a.height - a.bottom + 4);
+    c.stroke();
+    c.fillText(label, Math.min(x, a.width - half), a.height - 4);
+  });
+}
+
+// --- saving ---
+
+function save(name, blob) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  URL.revokeObjectURL(link.href);
+}
+
+// All curves of a panel, also those that another node hides, at the times that are shown, with their bounds.
+function csvOf(panel) {
+  const curves = curvesOf(panel), [t0, t1] = shownTimes();
+  const quoted = name => '"' + name.replace(/"/g, '""') + '"';
+  const bounded = frames.some(f => f.low);
+  const lines = [["step", "time [s]", ...curves.list.flatMap(c => (bounded ? ["", " least", " largest"] : [""])
+    .map(end => quoted(c.name + end + " [" + curves.unit + "]")))].join(",")];
+  for (const f of frames) {
+    if (f.time < t0 || f.time > t1) continue;
+    lines.push([f.step, f.time, ...curves.list.flatMap(c => bounded ? [c.value(f), c.low(f), c.high(f)] : [c.value(f)])].join(","));
   }
-  c.fillText(text(a.t1, "s"), a.width - a.right, a.height - 4);
-  c.textAlign = "left";
-  c.fillText(text(a.t0, "s"), a.left, a.height - 4);
+  return lines.join("\n") + "\n";
 }
 
-function change(get) {
-  const first = get(frames[0]);
-  return f => get(f) === null ? null : get(f) - first;
+const fileName = panel => scene.name + "_" + curvesOf(panel).title.toLowerCase().replace(/[^a-z0-9]+/g, "_");
+
+function saveCsv(panel) {
+  if (scene && frames.length) save(fileName(panel) + ".csv", new Blob([csvOf(panel)], {type: "text/csv"}));
 }
 
-function drawAllCurves() {
+function savePng(panel) {
   if (!scene || !frames.length) return;
-  const style = getComputedStyle(document.body);
-  const law = (id, field, name, unit) => drawCurves(id,
-    [{value: change(f => f[field]), color: style.getPropertyValue(name), alpha: 1}], unit);
-  law("law1", "energy", "--power", "J");
-  law("law2", "entropy", "--heat", "J/K");
-  const parts = [...Array(scene.parts).keys()];
-  const curves = row => parts.map(i => ({
-    value: change(f => f.parts[row][i]), color: color(i),
-    alpha: selected < 0 || selected === i ? (parts.length > 24 && selected < 0 ? 0.5 : 1) : 0.15}));
-  drawCurves("energies", curves(0), "J");
-  drawCurves("entropies", curves(1), "J/K");
+  const canvas = document.createElement("canvas"), from = panel.canvas;
+  canvas.width = from.width;
+  canvas.height = from.height;
+  const c = canvas.getContext("2d");
+  c.fillStyle = getComputedStyle(document.body).getPropertyValue("--panel");
+  c.fillRect(0, 0, canvas.width, canvas.height);
+  c.drawImage(from, 0, 0);
+  canvas.toBlob(blob => save(fileName(panel) + ".png", blob));
 }
 
 // --- processes ---
@@ -407,21 +709,34 @@ function drawFacts(frame) {
   byId("shown").textContent = paused ? "shown: " + text(frame.time, "s") : "follows the run";
 }
 
+// How much of the run the curves are made of.
+function drawHeard() {
+  const last = frames[frames.length - 1], first = frames[0];
+  if (!last || last.seen === null) { byId("heard").textContent = ""; return; }
+  const all = scene.recording !== null ? last.step + 1 : last.step - first.step + 1, part = Math.min(1, last.seen / all);
+  byId("heard").textContent = frames.length + " points of each curve are kept, made of " + last.seen + " of " + all +
+    " steps (" + (part < 1 ? Math.min(99.9, 100 * part).toFixed(1) : "100") + " %)" +
+    (frames.some(f => f.low) ? "; areas reach from the least to the largest value between two points." : ".");
+}
+
+const panels = [...document.querySelectorAll(".panel")].map(makePanel);
+
 function draw() {
   if (!paused) shown = frames.length - 1;
   shown = Math.min(Math.max(shown, frames.length ? 0 : -1), frames.length - 1);
   const frame = frames[shown];
   drawFacts(frame);
   drawGraph(frame);
-  drawAllCurves();
+  for (const panel of panels) drawPanel(panel);
   drawHealth();
+  drawHeard();
 }
 
 byId("pause").onclick = () => { paused = !paused; dirty = true; };
 byId("control").onclick = event => { if (connected && event.target.value) socket.send(event.target.value); };
 byId("at").oninput = event => { paused = true; shown = Number(event.target.value); dirty = true; };
 document.onkeydown = event => {
-  if (event.key === " " && event.target.tagName !== "BUTTON") { paused = !paused; dirty = true; event.preventDefault(); }
+  if (event.key === " " && !["BUTTON", "SELECT"].includes(event.target.tagName)) { paused = !paused; dirty = true; event.preventDefault(); }
 };
 window.onresize = () => { dirty = true; };
 matchMedia("(prefers-color-scheme: dark)").onchange = () => { dirty = true; };

@@ -15,7 +15,7 @@ INTERFACE = {"modelIdentifier", "canGetAndSetFMUState", "canSerializeFMUState", 
 CO_SIMULATION = {"canHandleVariableCommunicationStepSize", "fixedInternalStepSize", "hasEventMode",
                  "providesIntermediateUpdate"}
 VARIABLE = {"name", "valueReference", "causality", "variability", "initial", "unit", "start", "derivative",
-            "nominal", "description", "intermediateUpdate"}
+            "nominal", "min", "max", "description", "intermediateUpdate"}
 POWERS = {"kg", "m", "s", "A", "K", "mol", "cd", "rad", "factor", "offset"}
 
 # Structured names (FMI 3.0, 2.4.7.5.1).

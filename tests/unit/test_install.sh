@@ -50,7 +50,9 @@ if /usr/bin/python3 -c 'import h5py' 2>/dev/null; then
     "$prefix/bin/portmet-train" import "$folder/table.csv" -o "$folder/table.h5" >"$folder/table.out" 2>&1 ||
         fail "the installed portmet-train does not read tables: $(cat "$folder/table.out")"
 fi
-found=$(PKG_CONFIG_PATH=$prefix/share/pkgconfig pkg-config --variable=lcmtypes portmet)
+pc=$(dirname "$(find "$prefix" -name libportmet.pc)")
+[ "$(find "$prefix" -name '*.pc' | wc -l)" -eq 1 ] || fail "another .pc file than libportmet.pc is installed"
+found=$(PKG_CONFIG_PATH=$pc pkg-config --variable=lcmtypes libportmet)
 [ "$(realpath "$found")" = "$(realpath "$share/lcmtypes")" ] || fail "pkg-config names $found"
 if [ "$(id -u)" -eq 0 ] && unshare -n true 2>/dev/null; then
     unshare -n sh "$share/daemon/loopback.sh" "$prefix/bin/portmetd" run "$share/configs/double_pendulum.yaml" \
@@ -59,7 +61,6 @@ fi
 
 # An example in C, with pkg-config and with CMake.
 cp "$source/daemon/examples/example.c" "$folder/example.c"
-pc=$(dirname "$(find "$prefix" -name libportmet.pc)")
 library=$(dirname "$(find "$prefix" -name libportmet.so)")
 flags=
 nm -D "$library/libportmet.so" | grep -q __asan_init && flags=-fsanitize=address,undefined

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The functions of FMI 2.0.4, for Model Exchange and Co-Simulation, over those of FMI 3.0 in
 // fmi3.c, which stay hidden.
 #define FMI3_IS_HIDDEN

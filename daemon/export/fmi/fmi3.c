@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // An exported scene as an FMU, for Model Exchange and Co-Simulation (FMI 3.0.1). model.h names the
 // scene and says which value references its variables have: 0 is the time; then come the states,
 // their derivatives, the inputs, the energies, the entropies, the fluxes, the co-energies dE and
@@ -527,6 +528,11 @@ fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 point, fmi3Float64 length, fmi
             m->now = before;
             return refuse(i, "fmi3DoStep: a state became infinite: the step is too long for it");
         }
+    }
+    if (SCENE(_departure)(m->now.scene.z) > MODEL_GUARD) {
+        m->now = before;
+        return refuse(i, "fmi3DoStep: the state is further outside the training range than the "
+                         "scene's guard allows");
     }
     *last = point + length;
     return fmi3OK;

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The types of the Functional Mock-up Interface 3.0 that an exported FMU needs (fmi-standard.org,
 // FMI 3.0.1, sections 2.2.3 and 2.2.4).
 #ifndef PORTMET_FMI3_H

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // States of the FMU: all that a run goes on from, in memory or as bytes. The bytes begin with a
 // checksum (FNV-1a) of the instantiation token, which names the version of portmet and the content
 // of the scene, and of what follows. Part of fmi3.c.

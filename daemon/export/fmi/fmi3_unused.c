@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // The functions of FMI 3.0 that an FMU must have although its variables are all of type Float64, it
 // has no clocks and no structural parameters. Part of fmi3.c.
 
