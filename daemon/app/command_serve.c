@@ -263,7 +263,7 @@ static pm_status place(void *context, const char *name, const char *suffix, char
 static pm_status begin_run(void *context, const pm_control_run *run,
                            pm_lockstep_observer *observer) {
     service *s = context;
-    char text[1200], steps[32] = "until it is stopped";
+    char text[1200], from[48], steps[32] = "until it is stopped";
     s->options.record = NULL;
     if (run->record[0] != 0) {
         PM_TRY(place(s, run->record, "", s->path, sizeof s->path));
@@ -279,9 +279,12 @@ static pm_status begin_run(void *context, const pm_control_run *run,
     if (run->steps > 0) {
         snprintf(steps, sizeof steps, "%" PRId64 " steps", run->steps);
     }
-    snprintf(text, sizeof text, "begins at %s, %s%s%s%s",
-             run->from_client ? "the state of the client" : "the scene's state", steps,
-             run->held ? ", held at its start" : "",
+    snprintf(from, sizeof from, "goes on after step %" PRId64, run->from);
+    snprintf(text, sizeof text, "%s, %s%s%s%s",
+             run->from >= 0     ? from
+             : run->from_client ? "begins at the state of the client"
+                                : "begins at the scene's state",
+             steps, run->held ? ", held at its start" : "",
              s->options.record == NULL ? "" : ", recorded in ",
              s->options.record == NULL ? "" : s->path);
     tell(s, run, text);
@@ -427,6 +430,7 @@ pm_status pm_serve_coordinator(pm_setup *setup, const pm_run_options *options) {
                                            .begin = begin_run,
                                            .end = end_run,
                                            .reload = check_reload,
+                                           .checkpoint = stays ? own.checkpoint : NULL,
                                            .session = options->address,
                                            .name = name};
         PM_TRY_DONE(pm_control_open(&s.control, s.coordinator, &serves));

@@ -5,11 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lockstep/lookahead.h"
 #include "store/snapshot.h"
 #include "transport/channel.h"
 
 #define CLIENTS 64      // that are remembered
 #define NAME 64         // bytes of a client's name, and of a recording's, with the terminator
+#define KEPT 8          // clients in the file of a run: those that asked last
 #define PAGE_BYTES 1000 // of the description in a reply
 #define MOST_NONCE (INT64_C(1) << 62)
 #define UNANSWERED (-1)     // kind of a reply that is not due yet
@@ -41,6 +43,7 @@ struct pm_control {
     char owner[NAME], record[NAME];
     int64_t owner_id;      // the client that started it, which is not forgotten meanwhile
     double *numbers;       // those of a file, and before them a state and live inputs
+    int64_t kept;          // step at which the file of the run was written; -1: it is to be written
     bool active, stopping; // a run is under way; it ends after the steps that are granted
     bool reloaded;         // the files are read again: the process that does so answers from now on
     int asks;              // questions left whether the scene is served already
@@ -60,7 +63,7 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
     const pm_lockstep_coordinator *c = control->coordinator;
     const pm_ledger *ledger = &c->ledger;
     const pm_physics *physics = &c->scene->physics;
-    const int64_t step = c->completed < 0 ? 0 : c->completed;
+    const int64_t step = c->completed < c->first ? c->first : c->completed;
     const bool with_state = pages == 0 && c->want_state && c->completed >= c->first &&
                             !pm_scene_may_report_sums(c->scene);
     const bool held = c->phase == PM_COORDINATOR_HELD, any = control->run.number > 0;
@@ -125,10 +128,15 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
 }
 
 static void reply_again(pm_control *control, const client *to) {
-    const bool pending = to->reply == UNANSWERED;
+    const pm_lockstep_coordinator *c = control->coordinator;
+    // A reply that something is done has a state, which is not known while processes come together.
+    const bool pending = to->reply == UNANSWERED || (to->reply == PORTMET_CONTROL_REPLY_T_DONE &&
+                                                     control->active && c->completed < c->first);
     reply(control, to, to->nonce, pending ? PORTMET_CONTROL_REPLY_T_PENDING : to->reply, to->code,
           pending ? "" : to->text, 0);
 }
+
+static void keep_run(pm_control *control);
 
 // Ends the wait of a client.
 static void settle(pm_control *control, client *to, int8_t kind, pm_status code, const char *text) {
@@ -137,6 +145,7 @@ static void settle(pm_control *control, client *to, int8_t kind, pm_status code,
     to->reply = kind;
     to->code = (int8_t)code;
     snprintf(to->text, sizeof to->text, "%s", text);
+    keep_run(control);
     reply_again(control, to);
 }
 
@@ -205,6 +214,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
             .pace = r->pace == 0 ? c->scene->run.pace : r->pace,
             .held = r->held != 0,
             .from_client = r->nz > 0,
+            .from = -1,
             .owner = control->owner,
             .record = control->record,
         };
@@ -229,6 +239,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
     run->session = c->endpoint.session;
     control->active = true;
     control->stopping = false;
+    control->kept = -1;
     wait_for(control, from_client);
     return PM_OK;
 }
@@ -296,6 +307,96 @@ static pm_status keep_or_restore(pm_control *control, client *from, const portme
     const portmet_control_t state = {
         .kind = r->kind, .held = r->held, .nz = nz, .z = z, .nlive = nlive, .live = live};
     return begin(control, from, &state, &point, false);
+}
+
+// --- a run that outlives its service ---
+
+// Lists a number that a double may not hold.
+static void list_id(pm_serializer *serializer, const char *name, int64_t *id) {
+    double half[2] = {(double)(*id >> 32), (double)(*id & 0xffffffff)};
+    pm_serializer_put(serializer, name, half, 2);
+    *id = (int64_t)((uint64_t)(int64_t)half[0] << 32 | (uint64_t)half[1]);
+}
+
+static void list_text(pm_serializer *serializer, const char *name, char *text) {
+    for (int i = 0; i < NAME; ++i) {
+        int byte = (unsigned char)text[i];
+        pm_serializer_put_int(serializer, name, &byte);
+        text[i] = (char)byte;
+    }
+}
+
+static void list_small(pm_serializer *serializer, const char *name, int8_t *value) {
+    double number = *value;
+    pm_serializer_put(serializer, name, &number, 1);
+    *value = (int8_t)number;
+}
+
+// Lists the run, if there is one, and the requests and replies of the clients that asked last.
+static void list_run(pm_control *control, pm_serializer *serializer, pm_lockstep_point *point) {
+    pm_lockstep_coordinator *c = control->coordinator;
+    const int nz = c->scene->physics.nz, nlive = c->scene->network.nlive;
+    double *live = control->numbers, *z = live + nlive;
+    int8_t active = control->active, stopping = control->stopping;
+    client *order[CLIENTS];
+    list(serializer, point, nz, z, nlive, live);
+    list_small(serializer, "active", &active);
+    list_small(serializer, "stopping", &stopping);
+    control->active = active != 0;
+    control->stopping = stopping != 0;
+    list_id(serializer, "number", &control->run.number);
+    list_id(serializer, "steps", &control->run.steps);
+    list_id(serializer, "hold", &c->hold_at);
+    pm_serializer_put(serializer, "pace", &control->run.pace, 1);
+    list_id(serializer, "owner", &control->owner_id);
+    list_text(serializer, "owner", control->owner);
+    list_text(serializer, "record", control->record);
+    for (int i = 0; i < CLIENTS; ++i) { // the latest first
+        int k = i;
+        for (; k > 0 && order[k - 1]->used < control->client[i].used; --k) {
+            order[k] = order[k - 1];
+        }
+        order[k] = &control->client[i];
+    }
+    for (int i = 0; i < KEPT; ++i) {
+        client *k = order[i];
+        int8_t waits = k->waits;
+        list_id(serializer, "client", &k->id);
+        list_id(serializer, "ticket", &k->ticket);
+        list_id(serializer, "nonce", &k->nonce);
+        list_id(serializer, "target", &k->target);
+        list_small(serializer, "kind", &k->kind);
+        list_small(serializer, "reply", &k->reply);
+        list_small(serializer, "code", &k->code);
+        list_small(serializer, "waits", &waits);
+        k->waits = waits != 0;
+    }
+}
+
+static pm_snapshot_key key_of(const pm_control *control, const pm_serializer *serializer) {
+    return (pm_snapshot_key){control->coordinator->endpoint.system->digest, serializer->layout,
+                             serializer->count, "a service"};
+}
+
+// Writes the file of the run, after its recording. A run whose file cannot be written goes on.
+static void keep_run(pm_control *control) {
+    pm_lockstep_coordinator *c = control->coordinator;
+    pm_lockstep_point point = present(c);
+    const int nz = c->scene->physics.nz, nlive = c->scene->network.nlive;
+    double *z = control->numbers + nlive, *number = z + nz;
+    if (control->service.checkpoint == NULL || !c->want_state ||
+        (control->active && c->completed < c->first)) {
+        return;
+    }
+    memcpy(z, c->last->z, (size_t)nz * sizeof *z);
+    if (control->active && c->observer.flush != NULL) {
+        (void)c->observer.flush(c->observer.context);
+    }
+    pm_serializer serializer = pm_serializer_save("service", number);
+    list_run(control, &serializer, &point);
+    const pm_snapshot_key key = key_of(control, &serializer);
+    (void)pm_snapshot_save(control->service.checkpoint, &key, c->endpoint.session, number);
+    control->kept = c->completed;
 }
 
 // Does what a request asks for. The client then waits, or the request is done.
@@ -457,8 +558,8 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
         reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_AGAIN, 0, "", 0);
         return r->ticket != from->ticket ? PM_DROP_SESSION : PM_DROP_REPEATED;
     }
-    // While the processes come together nothing can begin. The client asks again.
-    if (!control->active && c->phase != PM_COORDINATOR_HELD) {
+    // While the processes come together nothing can begin, and no run go on. The client asks again.
+    if ((!control->active || c->waits) && c->phase != PM_COORDINATOR_HELD) {
         return PM_DROP_RANGE;
     }
     control->waiting -= from->waits;
@@ -476,13 +577,23 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
         settle(control, from, PORTMET_CONTROL_REPLY_T_REFUSED, status, pm_error());
     } else if (!from->waits) {
         settle(control, from, PORTMET_CONTROL_REPLY_T_DONE, PM_OK, "");
+    } else {
+        keep_run(control);
     }
     return PM_KEEP;
 }
 
 // --- what is done ---
 
-// The run is over. Everybody who waits learns how it ended.
+// Everybody who waits learns how the run ended.
+static void tell_all(pm_control *control, pm_status status, const char *text) {
+    for (int i = 0; i < CLIENTS; ++i) {
+        if (control->client[i].waits) {
+            settle(control, &control->client[i], PORTMET_CONTROL_REPLY_T_DONE, status, text);
+        }
+    }
+}
+
 static void end_run(pm_control *control, pm_status status, const char *message) {
     pm_lockstep_coordinator *c = control->coordinator;
     char text[PM_TEXT_MAX + 1];
@@ -494,16 +605,66 @@ static void end_run(pm_control *control, pm_status status, const char *message) 
                                       message);
         snprintf(text, sizeof text, "%s", status == PM_OK ? "" : pm_error());
     }
+    tell_all(control, status, text);
+    keep_run(control);
+}
+
+// Goes on with the run that the file keeps, if there is one of the same scene and weights.
+static void go_on(pm_control *control) {
+    pm_lockstep_coordinator *c = control->coordinator;
+    pm_lockstep_point point = present(c);
+    const int nz = c->scene->physics.nz, nlive = c->scene->network.nlive;
+    double *z = control->numbers + nlive, *number = z + nz;
+    const char *path = control->service.checkpoint;
+    int64_t session;
+    bool found = false;
+    pm_serializer serializer = pm_serializer_count("service");
+    list_run(control, &serializer, &point);
+    const pm_snapshot_key key = key_of(control, &serializer);
+    if (path == NULL || pm_snapshot_load(path, &key, &session, number, &found) != PM_OK || !found) {
+        return; // a file of another scene will be replaced
+    }
+    const int64_t idle = c->hold_at;
+    serializer = pm_serializer_restore("service", number);
+    list_run(control, &serializer, &point);
+    const int64_t hold = c->hold_at;
+    c->hold_at = idle;
     for (int i = 0; i < CLIENTS; ++i) {
-        if (control->client[i].waits) {
-            settle(control, &control->client[i], PORTMET_CONTROL_REPLY_T_DONE, status, text);
-        }
+        control->waiting += control->client[i].waits;
+    }
+    if (!control->active) {
+        return;
+    }
+    pm_control_run *run = &control->run;
+    run->from = point.step;
+    run->owner = control->owner;
+    run->record = control->record;
+    pm_lockstep_order order = {.steps = run->steps,
+                               .z = z,
+                               .from = &point,
+                               .pace = run->pace,
+                               .want_state = true,
+                               .observer = c->observer};
+    pm_status status = control->service.begin(control->service.context, run, &order.observer);
+    if (status != PM_OK) {
+        control->active = false;
+        tell_all(control, status, pm_error());
+        return;
+    }
+    pm_lockstep_coordinator_begin(c, &order);
+    c->hold_at = hold;
+    c->waits = true; // the processes still belong to the service that died
+    run->session = c->endpoint.session;
+    if (order.observer.resume != NULL) {
+        status = order.observer.resume(order.observer.context, (long)point.step);
+    }
+    if (status != PM_OK) {
+        end_run(control, status, pm_error());
     }
 }
 
 pm_status pm_control_poll(pm_control *control) {
     pm_lockstep_coordinator *c = control->coordinator;
-    const bool held = c->phase == PM_COORDINATOR_HELD;
     if (control->other[0] != 0) {
         return c->stays || c->was_held
                    ? pm_fail(PM_ENET,
@@ -516,7 +677,11 @@ pm_status pm_control_poll(pm_control *control) {
         control->asks -= 1;
         tell_service(control, PORTMET_CONTROL_T_SERVE, c->endpoint.identity.hello.instance,
                      own_nonce(control));
+        if (control->asks == 0 && c->stays) {
+            go_on(control);
+        }
     }
+    const bool held = c->phase == PM_COORDINATOR_HELD;
     if (control->active && c->phase >= PM_COORDINATOR_CLOSING) {
         end_run(control, c->endpoint.status, c->endpoint.message);
     } else if (control->active && held &&
@@ -524,6 +689,12 @@ pm_status pm_control_poll(pm_control *control) {
         end_run(control, PM_OK, "");
         if (!c->stays) {
             pm_lockstep_coordinator_fail(c, PM_OK, "");
+        }
+    }
+    if (control->active && c->completed >= c->first) {
+        c->waits = false;
+        if (control->kept < 0 || c->completed - control->kept >= pm_checkpoint_interval(c->scene)) {
+            keep_run(control);
         }
     }
     for (int i = 0; i < CLIENTS && control->waiting > 0; ++i) {
@@ -557,6 +728,7 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
     made->coordinator = coordinator;
     made->service = *service;
     made->asks = SERVE_ASKS + 1; // the last one ends the wait for an answer
+    made->kept = -1;
     made->active = !coordinator->stays;
     if (made->active) {      // a run that has started itself
         made->owner_id = -1; // no client: 0 is one that is free
@@ -573,9 +745,14 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
         made->flux[i] = pm_arena_array(&made->arena, (size_t)longest.nend, sizeof(double));
     }
     pm_serializer serializer = pm_serializer_count("control");
-    list(&serializer, &(pm_lockstep_point){0}, scene->physics.nz, NULL, scene->network.nlive, NULL);
-    made->numbers =
-        pm_arena_array(&made->arena, 2 * (size_t)serializer.count, sizeof *made->numbers);
+    made->numbers = pm_arena_array(&made->arena, // for the arrays that are listed
+                                   (size_t)scene->physics.nz + (size_t)scene->network.nlive,
+                                   sizeof *made->numbers);
+    list_run(made, &serializer, &(pm_lockstep_point){0});
+    made->numbers = pm_arena_array(&made->arena,
+                                   (size_t)scene->physics.nz + (size_t)scene->network.nlive +
+                                       (size_t)serializer.count,
+                                   sizeof *made->numbers);
     made->capacity = pm_control_reply_size(&longest) + PM_TEXT_MAX + NAME;
     made->data = pm_arena_alloc(&made->arena, made->capacity);
     PM_TRY_DONE(pm_arena_status(&made->arena, "control"));

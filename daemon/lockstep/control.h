@@ -20,9 +20,10 @@ typedef struct pm_control_run {
     int64_t steps;           // 0: until it is stopped
     double pace;             // simulated s per s; 0: as fast as it can be
     bool held;               // it is held at its start
-    bool from_client;        // the client gave the state at its start
-    const char *owner;       // name of the client
-    const char *record;      // name of the recording: letters, digits and "._-"; "": none
+    int64_t from;       // step from which it goes on, begun by a service that died; -1: it is new
+    bool from_client;   // the client gave the state at its start
+    const char *owner;  // name of the client
+    const char *record; // name of the recording: letters, digits and "._-"; "": none
 } pm_control_run;
 
 // The owner of the control provides these functions. They are called when a run begins and ends,
@@ -43,7 +44,10 @@ typedef struct pm_control_service {
     // No run is under way: checks that what is served can be read again, which is then done. A
     // failure refuses it.
     pm_status (*reload)(void *context);
-    bool views;       // requests of `portmetd view`, whose sender is "view", are done; else refused
+    bool views; // requests of `portmetd view`, whose sender is "view", are done; else refused
+    // File that keeps the run and who asks for what, so that a service which is started again after
+    // a kill goes on with both; borrowed. NULL: the run ends with the service.
+    const char *checkpoint;
     int64_t session;  // by which clients address it; 0: none
     const char *name; // of this service, for others of the same scene; borrowed
 } pm_control_service;
@@ -54,9 +58,10 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
                           const pm_control_service *service);
 void pm_control_close(pm_control *control); // NULL is allowed
 
-// Follows the coordinator: asks at first whether the scene is served already, in the same session;
-// then notes the end of a run, and answers the requests that are done. PM_ENET: it is served
-// already; nothing is answered from then on. A run that nobody has held goes on unanswered.
+// Follows the coordinator: asks at first whether the scene is served already, in the same session,
+// and goes on with the run of a service that died; then notes the end of a run, and answers the
+// requests that are done. PM_ENET: it is served already; nothing is answered from then on. A run
+// that nobody has held goes on unanswered.
 pm_status pm_control_poll(pm_control *control);
 
 #endif

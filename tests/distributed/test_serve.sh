@@ -189,6 +189,19 @@ for i in 1 2; do
 done
 wait $client || fail "a run with kills: $(cat "$folder/client.out")"
 same long.h5 long.h5
+# The run outlives the death of the service, too, and so do the requests of its clients.
+timeout 120 "$portmetd" start "$scene" --steps 3000 --held --record outlives.h5 --quiet || fail "start --held"
+timeout 120 "$portmetd" advance "$scene" --steps 2900 >"$folder/advance.out" 2>&1 &
+client=$!
+wait_until sh -c "'$portmetd' query '$scene' | grep -q 'running, run .*, step [1-9]'" || fail "the run does not go on"
+kill -KILL $kept
+wait $kept
+start kept serve "$scene" --record "$records" --checkpoint "$folder/checkpoints"
+kept=$pid
+wait $client && grep -q "held, run .*, step 2900 of 3000" "$folder/advance.out" || fail "a client of a killed service: $(cat "$folder/advance.out")"
+awaits kept "run .* of start@.*: goes on after step .*, recorded in"
+timeout 120 "$portmetd" advance "$scene" --steps 100 --quiet || fail "advance"
+same outlives.h5 long.h5
 kill -TERM $kept
 wait $kept || fail "serve with checkpoints: exit code $?"
 

@@ -37,6 +37,7 @@ struct pm_hub {
     queued_message *unused;
     pm_hub_faults faults;
     pm_rng rng;
+    const pm_key *key; // with which transports seal; NULL: they do not
 };
 
 static void free_messages(queued_message *m) {
@@ -212,5 +213,10 @@ pm_status pm_hub_connect(pm_hub *hub, pm_transport **transport) {
         link = &(*link)->next;
     }
     *link = e;
-    return PM_OK;
+    return hub->key == NULL ? PM_OK
+                            : pm_transport_seal(*transport, hub->key, "test@hub", NULL, NULL);
+}
+
+void pm_hub_seal(pm_hub *hub, const pm_key *key) {
+    hub->key = key;
 }

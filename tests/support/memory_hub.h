@@ -26,4 +26,8 @@ void pm_hub_close(pm_hub *hub); // NULL is allowed
 // meanwhile. PM_ENOMEM.
 pm_status pm_hub_connect(pm_hub *hub, pm_transport **transport);
 
+// Transports that connect from now on seal their messages with the key, which must outlive the hub;
+// NULL: they do not.
+void pm_hub_seal(pm_hub *hub, const pm_key *key);
+
 #endif

@@ -27,8 +27,11 @@ typedef struct stage {
     const double *from; // [nz] where the next run starts
     int begun, ended;   // runs
     int reloads;
-    bool alone; // samples are not compared with the plain loop
-    char folder[64];
+    bool alone;        // samples are not compared with the plain loop
+    bool keeps;        // the service keeps its run in a file
+    double dies_at;    // s, when the service is killed, and started again; 0: never
+    const pm_key *key; // of the scene; NULL: none
+    char folder[64], checkpoint[80];
     pm_status status; // of the last one
     char why[256];
 } stage;
@@ -59,7 +62,7 @@ static pm_status begin(void *context, const pm_control_run *run, pm_lockstep_obs
     assert_true(run->number > 1);
     pm_monolithic_set_state(c->assembly, t->from);
     c->steps_seen = 0;
-    t->begun += 1;
+    t->begun += run->from < 0;
     *observer = (pm_lockstep_observer){.context = c, .step = t->alone ? count : cluster_compare};
     return PM_OK;
 }
@@ -87,9 +90,29 @@ static pm_status reload(void *context) {
     return t->reloads > 1 ? PM_OK : pm_fail(PM_EUSAGE, "the file is bad");
 }
 
+static void open_control(stage *t) {
+    snprintf(t->checkpoint, sizeof t->checkpoint, "%s/run", t->folder);
+    const pm_control_service service = {.context = t,
+                                        .description = "what is served",
+                                        .path = t->alone ? place : NULL,
+                                        .begin = begin,
+                                        .end = end,
+                                        .reload = reload,
+                                        .checkpoint = t->keeps ? t->checkpoint : NULL,
+                                        .name = "this one"};
+    assert_int_equal(pm_control_open(&t->control, t->c.coordinator, &service), PM_OK);
+}
+
 static void turn(stage *t) {
     cluster_turn(&t->c);
     (void)pm_control_poll(t->control);
+    if (t->dies_at > 0 && t->c.now >= t->dies_at) {
+        t->dies_at = 0;
+        pm_control_close(t->control);
+        cluster_kill(&t->c, t->c.count);
+        cluster_return(&t->c, t->c.count);
+        open_control(t);
+    }
 }
 
 static void turn_for(stage *t, double seconds) {
@@ -99,17 +122,19 @@ static void turn_for(stage *t, double seconds) {
 }
 
 static void stage_open(stage *t, int nlink, const pm_hub_faults *faults) {
-    const bool alone = t->alone;
-    *t = (stage){.hub = cluster_hub(faults), .alone = alone};
+    *t = (stage){.hub = cluster_hub(faults), .alone = t->alone, .keeps = t->keeps, .key = t->key};
     cluster *c = &t->c;
+    pm_hub_seal(t->hub, t->key);
     cluster_open(c, nlink, 2, t->hub, SESSION);
     cluster_kill(c, nlink);
     c->stays = true;
     cluster_return(c, nlink);
     t->from = c->f.z;
-    const pm_control_service service = {
-        t, "what is served", alone ? place : NULL, begin, end, reload, false, 0, "this one"};
-    assert_int_equal(pm_control_open(&t->control, c->coordinator, &service), PM_OK);
+    if (t->keeps) {
+        snprintf(t->folder, sizeof t->folder, "/tmp/test_control_XXXXXX");
+        assert_non_null(mkdtemp(t->folder));
+    }
+    open_control(t);
     for (int i = 0; i < nlink; ++i) {
         cluster_add(c, i, c->f.system, SESSION);
     }
@@ -472,6 +497,67 @@ static void test_states_between_steps(void **context) {
     }
 }
 
+// A service that is killed at any moment and started again goes on with its run: each request is
+// done once, with the bits of a run without kills, and every step is booked in the ledger.
+static void test_service_dies(void **context) {
+    (void)context;
+    double z[MOST_NZ] = {0};
+    portmet_control_reply_t plain = {0};
+    for (uint64_t seed = 0; seed < 20; ++seed) {
+        const double part = seed == 0 ? 0 : 0.1;
+        const pm_hub_faults faults = {
+            .seed = seed, .drop = part, .duplicate = part, .delay = part, .max_delay = 12};
+        stage t = {.alone = true, .keeps = true};
+        client k, starter;
+        pm_rng rng;
+        pm_rng_init(&rng, seed, 0);
+        stage_open(&t, 2, &faults);
+        client_open(&k, &t, 5, "bench");
+        client_open(&starter, &t, 6, "starter");
+        starter.request.held = 1;
+        starter.request.steps = 60;
+        assert_int_equal(ask(&starter, PORTMET_CONTROL_T_START, false), ACCEPTED);
+        for (int i = 1; i <= 10; ++i) {
+            k.request.steps = 3;
+            t.dies_at = seed > 0 && i % 3 == 0 ? t.c.now + 0.03 * pm_rng_uniform(&rng) : 0;
+            assert_int_equal(ASK(&k, ADVANCE), DONE);
+            assert_int_equal(k.reply.step, 3 * i);
+            assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_HELD);
+        }
+        t.dies_at = seed > 0 ? t.c.now + 0.03 * pm_rng_uniform(&rng) : 0;
+        k.request.steps = 0;
+        assert_int_equal(ASK(&k, RESUME), DONE);
+        turn_for(&t, 4 * PATIENCE);
+        assert_int_equal(ASK(&k, QUERY), DONE);
+        if (k.reply.phase != 4)
+            printf("seed %d step %d of %d text %s kind %d hold %ld granted %ld phase %d\n",
+                   (int)seed, (int)k.reply.step, (int)k.reply.steps, k.text, k.reply.kind,
+                   (long)t.c.coordinator->hold_at, (long)t.c.coordinator->granted,
+                   t.c.coordinator->phase);
+        assert_int_equal(k.reply.phase, PORTMET_CONTROL_REPLY_T_ENDED);
+        starter.request.nonce -= 1; // the same request: it has waited for the end of its run
+        assert_int_equal(ASK(&starter, START), DONE);
+        assert_int_equal(starter.reply.code, PM_OK);
+        assert_int_equal(starter.reply.step, 60);
+        const size_t bytes = (size_t)t.c.f.scene->physics.nz * sizeof *z;
+        if (seed == 0) {
+            memcpy(z, starter.z, bytes);
+            plain = starter.reply;
+        }
+        assert_memory_equal(starter.z, z, bytes);
+        assert_true(starter.reply.energy == plain.energy &&
+                    starter.reply.energy_drift == plain.energy_drift &&
+                    starter.reply.energy_residual == plain.energy_residual &&
+                    starter.reply.run == plain.run);
+        assert_int_equal(t.begun, 1);
+        assert_int_equal(unlink(t.checkpoint), 0);
+        assert_int_equal(rmdir(t.folder), 0);
+        pm_transport_close(starter.transport);
+        pm_transport_close(k.transport);
+        stage_close(&t);
+    }
+}
+
 // --- refusals ---
 
 static void test_two_clients(void **context) {
@@ -570,15 +656,35 @@ enum { KEPT = 64, LARGEST = 1024 };
 
 static int messages = 5000; // that a stranger sends
 
+// A stranger, who does not hear the replies, has heard some requests.
+typedef struct stranger {
+    pm_transport *transport;
+    pm_rng rng;
+    bool hears; // messages of others; it hears its own as well
+    int nkept;
+    size_t size[KEPT];
+    unsigned char kept[KEPT][LARGEST];
+} stranger;
+
+static void on_request(void *context, const char *channel, const void *data, size_t size) {
+    (void)channel;
+    stranger *s = context;
+    if (size <= LARGEST && s->hears) {
+        memcpy(s->kept[s->nkept % KEPT], data, size);
+        s->size[s->nkept % KEPT] = size;
+        s->nkept += 1;
+    }
+}
+
 // Publishes a message as a stranger does: one of the client's, changed, cut, or again; or one of
 // its own, whose numbers are random.
-static void forge(const client *k, pm_rng *rng, unsigned char kept[KEPT][LARGEST],
-                  const size_t *size, int nkept) {
+static void forge(stranger *s, const client *k) {
     unsigned char data[LARGEST];
+    pm_rng *rng = &s->rng;
     const uint64_t bits = pm_rng_bits(rng);
     const int which = (int)(bits % 4);
     size_t count = 0;
-    if (which == 0 || nkept == 0) {
+    if (which == 0 || s->nkept == 0) {
         double z[4] = {0.5, 1e300, -1, 0};
         portmet_control_t own = k->request;
         own.client = bits % 3 == 0 ? k->request.client : (int64_t)pm_rng_bits(rng);
@@ -593,9 +699,9 @@ static void forge(const client *k, pm_rng *rng, unsigned char kept[KEPT][LARGEST
         own.file = (char *)((bits >> 20 & 1) != 0 ? "../../etc/passwd" : "a");
         count = pm_control_encode(&own, data, sizeof data);
     } else {
-        const int i = (int)((bits >> 8) % (uint64_t)nkept);
-        count = size[i];
-        memcpy(data, kept[i], count);
+        const int i = (int)((bits >> 8) % (uint64_t)(s->nkept < KEPT ? s->nkept : KEPT));
+        count = s->size[i];
+        memcpy(data, s->kept[i], count);
         if (which == 1) {
             // A later number, with the ticket that anybody can hear, would be a request.
             const size_t at = (bits >> 32) % count;
@@ -604,49 +710,60 @@ static void forge(const client *k, pm_rng *rng, unsigned char kept[KEPT][LARGEST
             count = (bits >> 32) % (count + 1);
         }
     }
-    assert_int_equal(pm_transport_publish(k->transport, "chain_CONTROL", data, count), PM_OK);
+    assert_int_equal(pm_transport_publish(s->transport, "chain_CONTROL", data, count), PM_OK);
 }
 
 // Whatever a stranger sends who does not hear the replies, the client's runs have their bits, and
-// every request of the client is answered.
+// every request of the client is answered. With a key the stranger has none.
 static void test_strangers(void **context) {
     (void)context;
-    static unsigned char kept[KEPT][LARGEST];
-    size_t size[KEPT];
-    int nkept = 0, sent = 0;
-    stage t = {0};
-    client k;
-    pm_rng rng;
-    pm_rng_init(&rng, 7, 0);
-    stage_open(&t, 2, NULL);
-    client_open(&k, &t, 5, "bench");
-    for (int run = 1; sent < messages; ++run) {
-        k.request.held = 1;
-        k.request.steps = 0;
-        assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
-        for (int i = 1; i <= 20; ++i) {
-            k.request.steps = 1 + i % 3;
-            for (int m = 0; m < 30; ++m, ++sent) {
-                forge(&k, &rng, kept, size, nkept < KEPT ? nkept : KEPT);
-                if (m % 5 == 0) {
-                    turn(&t);
+    static const pm_key key = {{1, 2, 3}};
+    for (int sealed = 0; sealed < 2; ++sealed) {
+        static stranger s;
+        stage t = {.key = sealed ? &key : NULL};
+        client k;
+        int sent = 0;
+        s = (stranger){0};
+        pm_rng_init(&s.rng, 7, 0);
+        stage_open(&t, 2, NULL);
+        client_open(&k, &t, 5, "bench");
+        pm_hub_seal(t.hub, NULL);
+        assert_int_equal(pm_hub_connect(t.hub, &s.transport), PM_OK);
+        assert_int_equal(pm_transport_subscribe(s.transport, "chain_CONTROL", on_request, &s),
+                         PM_OK);
+        const pm_drops *below = pm_transport_drops(t.c.coordinator_transport);
+        for (int run = 1; sent < messages; ++run) {
+            k.request.held = 1;
+            k.request.steps = 0;
+            assert_int_equal(ask(&k, PORTMET_CONTROL_T_START, false), ACCEPTED);
+            for (int i = 1; i <= 20; ++i) {
+                k.request.steps = 1 + i % 3;
+                for (int m = 0; m < 30; ++m, ++sent) {
+                    forge(&s, &k);
+                    if (m % 5 == 0) {
+                        turn(&t);
+                    }
                 }
+                const int64_t before = k.reply.step;
+                s.hears = false;
+                assert_int_equal(pm_transport_wait(s.transport, 0, NULL), PM_OK);
+                assert_int_equal(ASK(&k, ADVANCE), DONE);
+                assert_int_equal(k.reply.step, before + k.request.steps);
+                s.hears = true;
+                assert_int_equal(pm_transport_wait(s.transport, 0, NULL), PM_OK);
+                assert_memory_equal(k.z, pm_monolithic_sample(t.c.assembly)->z,
+                                    (size_t)t.c.f.scene->physics.nz * sizeof *k.z);
             }
-            const int64_t before = k.reply.step;
-            assert_int_equal(ASK(&k, ADVANCE), DONE);
-            assert_int_equal(k.reply.step, before + k.request.steps);
-            size[nkept % KEPT] = pm_control_encode(&k.request, kept[nkept % KEPT], LARGEST);
-            nkept += 1;
-            assert_memory_equal(k.z, pm_monolithic_sample(t.c.assembly)->z,
-                                (size_t)t.c.f.scene->physics.nz * sizeof *k.z);
+            assert_int_equal(ASK(&k, STOP), DONE);
+            assert_int_equal(t.begun, run);
+            assert_int_equal(t.status, PM_OK);
         }
-        assert_int_equal(ASK(&k, STOP), DONE);
-        assert_int_equal(t.begun, run);
-        assert_int_equal(t.status, PM_OK);
+        assert_true(!sealed || below->count[PM_DROP_SEAL] > messages / 2);
+        assert_int_equal(t.reloads, 0);
+        pm_transport_close(s.transport);
+        pm_transport_close(k.transport);
+        stage_close(&t);
     }
-    assert_int_equal(t.reloads, 0);
-    pm_transport_close(k.transport);
-    stage_close(&t);
 }
 
 // Of two services of a scene the later one is refused, and of two that begin at once as well. With
@@ -662,8 +779,13 @@ static void test_two_services(void **context) {
             pm_transport *transport;
             pm_lockstep_coordinator *later;
             pm_control *control;
-            const pm_control_service service = {&t,     "",    NULL,    begin,        end,
-                                                reload, false, session, "a later one"};
+            const pm_control_service service = {.context = &t,
+                                                .description = "",
+                                                .begin = begin,
+                                                .end = end,
+                                                .reload = reload,
+                                                .session = session,
+                                                .name = "a later one"};
             if (at_once == 0) {
                 turn_for(&t, 1);
             }
@@ -736,8 +858,7 @@ static void test_next_run_after_a_death(void **context) {
     pm_monolithic_set_state(t.c.assembly, t.c.f.z); // the fixture's observer sees the state at rest
     t.c.steps_seen = 0;
     cluster_return(&t.c, 3);
-    const pm_control_service service = {&t, "", false, begin, end, reload, false, 0, "this one"};
-    assert_int_equal(pm_control_open(&t.control, t.c.coordinator, &service), PM_OK);
+    open_control(&t);
     assert_int_equal(ASK(&k, START), DONE);
     assert_int_equal(t.c.steps_seen, 9);
     pm_transport_close(k.transport);
@@ -779,7 +900,7 @@ int main(int argc, char **argv) {
         cmocka_unit_test(test_two_clients),           cmocka_unit_test(test_states_between_steps),
         cmocka_unit_test(test_wrong_requests),        cmocka_unit_test(test_strangers),
         cmocka_unit_test(test_two_services),          cmocka_unit_test(test_next_run_after_a_death),
-        cmocka_unit_test(test_rest_is_quiet),
+        cmocka_unit_test(test_rest_is_quiet),         cmocka_unit_test(test_service_dies),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
