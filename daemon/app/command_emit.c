@@ -1,8 +1,8 @@
 // portmetd emit: writes the files with which systemd or procman starts the processes of a scene on
 // several hosts.
 //   systemd   for each host a folder with environment files, one for each instance of the units
-//             portmet-node@ and portmet-coordinator@ that are installed with portmetd, and with a
-//             target that starts them
+//             portmet-node@ and portmetd@ that are installed with portmetd, and with a target that
+//             starts them: a service with its nodes, whose runs clients start
 //   procman   one file for the sheriff of libbot2's procman: a group of commands, one for each
 //             process, with the deputy on which it runs
 // Their texts are the files in app/emit (base/template.h). Lines that begin with %EACH% are
@@ -28,8 +28,11 @@ extern const char *const pm_emit_environment[];
 extern const char *const pm_emit_target[];
 extern const char *const pm_emit_procman[];
 
+#define STATE "/var/lib/portmet" // where the units may write
+
 typedef struct emission {
     const pm_run_options *options;
+    bool systemd; // else procman
     pm_scene *scene;
     const char *path;    // absolute, of the scene
     const char **host;   // [nprocess + 1] host of each process; the last is the coordinator's
@@ -148,24 +151,27 @@ static void write_lines(emission *e, FILE *file, const char *const *line, int co
     const pm_scene *scene = e->scene;
     const bool node = i < scene->network.nprocess;
     const char *name = node ? scene->network.process[i].name : "coordinator";
-    const char *options =
-        pm_arena_printf(&e->arena, "%s%s%s%s%s", option_text(e, "--weights", o->weights),
-                        option_text(e, "--url", o->url), number_text(e, "--session", o->session),
-                        node ? "" : number_text(e, "--steps", o->steps),
-                        node ? "" : option_text(e, "--record", o->record));
-    const bool checkpoints = !pm_physics_is_adaptive(&scene->physics) && scene->network.nlive == 0;
+    const char *instance = instance_of(e, i);
+    const bool keeps =
+        e->systemd && !pm_physics_is_adaptive(&scene->physics) && scene->network.nlive == 0;
+    const char *options = pm_arena_printf(
+        &e->arena, "%s%s%s%s%s%s%s", e->systemd && !node ? "--elsewhere " : "",
+        keeps ? pm_arena_printf(&e->arena, "--checkpoint " STATE "/%s ", instance) : "",
+        option_text(e, "--weights", o->weights), option_text(e, "--url", o->url),
+        number_text(e, "--session", o->session), node ? "" : number_text(e, "--steps", o->steps),
+        node ? "" : option_text(e, "--record", o->record));
     const pm_template_value value[] = {
         {EACH, .text = ""},
         {"%SCENE%", .text = scene->name},
         {"%PATH%", .text = e->path},
         {"%HOST%", .text = host},
         {"%KIND%", .text = node ? "node" : "coordinator"},
+        {"%UNIT%", .text = node ? "portmet-node" : "portmetd"},
         {"%NAME%", .text = name},
         {"%PROCESS%", .text = node ? name : NULL},
         {"%ARGUMENT%", .text = node ? pm_arena_printf(&e->arena, " %s", name) : ""},
         {"%OPTIONS%", .text = options},
-        {"%INSTANCE%", .text = instance_of(e, i)},
-        {"%NO_CHECKPOINT%", .text = checkpoints ? NULL : ""},
+        {"%INSTANCE%", .text = instance},
     };
     if (!e->arena.failed) {
         pm_template_write(file, line, count, (int)(sizeof value / sizeof value[0]), value);
@@ -211,6 +217,10 @@ static pm_status emit_systemd(emission *e) {
     if (root == NULL) {
         return pm_fail(PM_EUSAGE, "emit systemd: expected -o DIR");
     }
+    if (e->options->steps > 0) {
+        return pm_fail(PM_EUSAGE, "emit systemd: --steps is for procman: clients start the runs of "
+                                  "a service");
+    }
     for (int k = 0; k < e->nhost; ++k) {
         const char *host = e->called[k];
         const char *settings = pm_arena_printf(&e->arena, "%s/%s/etc/portmet", root, host);
@@ -222,11 +232,11 @@ static pm_status emit_systemd(emission *e) {
         PM_TRY(write_text(e, target, pm_emit_target, -1, host));
         for (int i = 0; i <= e->scene->network.nprocess; ++i) {
             if (strcmp(e->host[i], host) == 0) {
-                // The unit KIND@INSTANCE reads the file KIND-INSTANCE.env.
-                const bool node = i < e->scene->network.nprocess;
-                const char *path =
-                    pm_arena_printf(&e->arena, "%s/%s-%s.env", settings,
-                                    node ? "node" : "coordinator", instance_of(e, i));
+                // portmet-node@INSTANCE reads node-INSTANCE.env, and portmetd@SCENE reads
+                // SCENE.env.
+                const char *path = pm_arena_printf(&e->arena, "%s/%s%s.env", settings,
+                                                   i < e->scene->network.nprocess ? "node-" : "",
+                                                   instance_of(e, i));
                 PM_TRY(write_text(e, path, pm_emit_environment, i, host));
             }
         }
@@ -243,7 +253,7 @@ static pm_status emit_systemd(emission *e) {
 // second one the scene.
 static pm_status execute(const pm_run_options *options) {
     const bool systemd = strcmp(options->scene, "systemd") == 0;
-    emission e = {.options = options};
+    emission e = {.options = options, .systemd = systemd};
     char path[PATH_MAX];
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&e.scene, options->name));
@@ -288,13 +298,11 @@ const pm_command pm_command_emit = {
     .help =
         "Writes the files with which systemd or procman starts the processes of the scene on\n"
         "several hosts. With systemd, -o DIR receives a folder for each host with what belongs\n"
-        "into its /etc: the settings of the units portmet-node@ and portmet-coordinator@, and "
-        "a\n"
-        "target that starts them. With procman, a file for the sheriff names the command and "
-        "the\n"
-        "deputy of each process. All hosts need portmetd, and the scene with its files under "
-        "the\n"
-        "path that it has here.",
+        "into its /etc: the settings of the units portmet-node@ and portmetd@, which serve the\n"
+        "scene, and a target that starts them; --record is then the folder in which clients may\n"
+        "record. With procman, a file for the sheriff names the command and the deputy of each\n"
+        "process of a run. All hosts need portmetd, and the scene with its files under the path\n"
+        "that it has here.",
     .examples =
         "portmetd emit systemd scene.yaml --hosts a,b -o units\n"
         "portmetd emit procman scene.yaml --hosts upper=a,lower=b,coordinator=a -o scene.pmd",

@@ -63,39 +63,54 @@ runs procman
 
 # --- systemd ---
 
-"$portmetd" emit systemd "$scene" "$@" --record "$folder/systemd.h5" -o "$folder/hosts" >"$folder/wrote" ||
+# What is served has the runs that clients start.
+set -- --hosts one,two,coordinator=three --url "$url"
+refuses 'clients start the runs' systemd "$scene" "$@" --steps 3 -o "$folder/hosts"
+"$portmetd" emit systemd "$scene" "$@" --record "$folder/records" -o "$folder/hosts" >"$folder/wrote" ||
     fail "systemd"
 [ "$(wc -l <"$folder/wrote")" -eq 3 ] || fail "systemd: $(cat "$folder/wrote")"
 
-# execute HOST KIND INSTANCE: runs what the unit portmet-KIND@INSTANCE executes on a host. The unit's
-# checkpoints lie in /var/lib/portmet; here they lie in the test's folder.
+# execute HOST UNIT INSTANCE SETTINGS: runs what UNIT@INSTANCE executes on a host. Checkpoints, for units in
+# /var/lib/portmet, lie in the test's folder.
 execute() {
-    settings=$folder/hosts/$1/etc/portmet/$2-$3.env
-    grep -q "^Wants=portmet-$2@$3.service$" "$folder/hosts/$1/etc/systemd/system/portmet-pair.target" ||
+    grep -q "^Wants=$2@$3.service$" "$folder/hosts/$1/etc/systemd/system/portmet-pair.target" ||
         fail "systemd: the target on $1 does not start $2@$3"
-    command=$(sed -n 's/^ExecStart=//p' "$units/portmet-$2@.service")
-    for variable in CHECKPOINT SCENE PROCESS OPTIONS; do
-        value=$(sed -n "s/^PORTMET_$variable=//p" "$settings")
-        if [ $variable = CHECKPOINT ] && ! grep -q "^PORTMET_CHECKPOINT=" "$settings"; then
-            value=$(sed -n 's/^Environment="PORTMET_CHECKPOINT=\(.*\)"$/\1/p' "$units/portmet-$2@.service")
-            value=$(printf %s "$value" | sed "s,/var/lib/portmet/%i,$folder/checkpoints_$3,")
-        fi
-        value=$(printf %s "$value" | sed 's/[&,\]/\\&/g')
+    command=$(sed -n 's/^ExecStart=//p' "$units/$2@.service")
+    for variable in SCENE PROCESS OPTIONS; do
+        value=$(sed -n "s/^PORTMET_$variable=//p" "$folder/hosts/$1/etc/portmet/$4.env" |
+            sed "s,/var/lib/portmet/,$folder/checkpoints_,; s/[&,\]/\\&/g")
         command=$(printf %s "$command" | sed "s,\${PORTMET_$variable},$value,; s,\$PORTMET_$variable,$value,")
     done
-    launch "$2_$3" "$command"
+    launch "$4" "$command"
+    eval "$(echo "$4" | tr - _)=$pid"
 }
-running=
-execute one node pair-left
-execute two node pair-right
-execute three coordinator pair
-runs systemd
+execute one portmet-node pair-left node-pair-left
+execute two portmet-node pair-right node-pair-right
+execute three portmetd pair pair
+# A node and the service, when they are killed and started again by their units, go on.
+timeout 60 "$portmetd" start "$scene" --url "$url" --steps $steps --held --record systemd.h5 --quiet || fail "systemd: start"
+for unit in node_pair_left pair; do
+    timeout 60 "$portmetd" advance "$scene" --url "$url" --steps 30 --quiet || fail "systemd: advance"
+    eval "process=\$$unit"
+    kill -KILL "$process"
+    wait "$process"
+    case $unit in
+    pair) execute three portmetd pair pair ;;
+    *) execute one portmet-node pair-left node-pair-left ;;
+    esac
+done
 [ -n "$(ls "$folder"/checkpoints_pair-left)" ] || fail "systemd: no checkpoints"
+wait_until sh -c "'$portmetd' query '$scene' --url '$url' | grep -q 'held, run .*step 60 of'" || fail "systemd: not held"
+timeout 60 "$portmetd" resume "$scene" --url "$url" --quiet || fail "systemd: resume"
+wait_until sh -c "'$portmetd' query '$scene' --url '$url' | grep -q 'ended, run .*step $steps of'" || fail "systemd: no end"
+"$same_recording" "$folder/plain.h5" "$folder/records/systemd.h5" || fail "systemd: other bits"
+kill -TERM "$pair" "$node_pair_left" "$node_pair_right"
+wait "$pair" || fail "systemd: the service ends with $?"
 
 # A scene without checkpoints gets none.
 sed "s/rk4, substeps: 2/rk4, tolerance: 1.0e-4/" "$scene" >"$folder/adaptive.yaml"
 "$portmetd" emit systemd "$folder/adaptive.yaml" -o "$folder/adaptive" >"$folder/wrote" || fail "adaptive"
-grep -q '^PORTMET_CHECKPOINT=$' "$folder/adaptive/localhost/etc/portmet/node-pair-left.env" ||
+grep -q '^PORTMET_OPTIONS=$' "$folder/adaptive/localhost/etc/portmet/node-pair-left.env" ||
     fail "systemd: checkpoints of a scene that cannot have any"
 
 # systemd finds nothing to object to.
@@ -103,8 +118,8 @@ if command -v systemd-analyze >/dev/null; then
     for host in one two three; do
         mkdir "$folder/$host"
         cp "$folder/hosts/$host"/etc/systemd/system/* "$folder/$host"
-        for unit in node coordinator; do
-            sed "s,^ExecStart=[^ ]*,ExecStart=$portmetd," "$units/portmet-$unit@.service" >"$folder/$host/portmet-$unit@.service"
+        for unit in portmet-node portmetd; do
+            sed "s,^ExecStart=[^ ]*,ExecStart=$portmetd," "$units/$unit@.service" >"$folder/$host/$unit@.service"
         done
         systemd-analyze verify --man=no "$folder/$host/portmet-pair.target" >"$folder/verify.out" 2>&1 ||
             fail "systemd-analyze: $(cat "$folder/verify.out")"

@@ -12,7 +12,7 @@ share=$prefix/share/portmet
 for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/man1/portmet-train.1 \
     share/portmet/lcmtypes/portmet.lcm share/portmet/daemon/spy.sh share/portmet/daemon/loopback.sh \
     share/portmet/daemon/setup.sh share/portmet/configs/double_pendulum.yaml include/portmet.h \
-    lib/systemd/system/portmetd@.service lib/systemd/system/portmet-node@.service lib/systemd/system/portmet-coordinator@.service; do
+    lib/systemd/system/portmetd@.service lib/systemd/system/portmet-node@.service; do
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
@@ -31,7 +31,7 @@ done
 
 # The units name the program where the build was configured to install it.
 if command -v systemd-analyze >/dev/null; then
-    for unit in portmet-node portmet-coordinator portmetd; do
+    for unit in portmet-node portmetd; do
         sed "s,^ExecStart=[^ ]*,ExecStart=$prefix/bin/portmetd," \
             "$prefix/lib/systemd/system/$unit@.service" >"$folder/$unit@.service"
         systemd-analyze verify --man=no "$folder/$unit@.service" >"$folder/unit.out" 2>&1 ||
