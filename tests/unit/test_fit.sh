@@ -324,6 +324,8 @@ cp "$folder/some/upper.h5" "$folder/mixed"
 evaluate "$data" mixed
 [ $? -eq 6 ] && grep -q 'lower.h5 were not learned together with .*mixed/upper.h5: a file of another fit' "$folder/err" ||
     fail "mixed: $(cat "$folder/err")"
+"$portmetd" test "$folder/scene.yaml" --weights "$folder/mixed" >"$folder/out" 2>"$folder/err"
+[ $? -eq 6 ] && grep -q 'a file of another fit' "$folder/err" || fail "a test of a port whose ends are of two fits"
 if /usr/bin/python3 -c 'import h5py' 2>/dev/null; then
     /usr/bin/python3 - "$data" "$folder/milli.h5" <<'END'
 import h5py, shutil, sys
