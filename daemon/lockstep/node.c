@@ -203,15 +203,17 @@ static double *newer(const pm_checkpoint_ring *ring) {
     return ring->state + ring->size;
 }
 
-// Sets `known` to true if the file holds checkpoints of the run with the number `session`.
-static pm_status has_session(const pm_checkpoint_ring *ring, int64_t session, bool *known) {
+// Sets `known` to true if the file holds checkpoints of the run with the number `session`. A node
+// that stays may find those of the scene as it was before it was read again, and replaces them.
+static pm_status has_session(const pm_lockstep_node *node, int64_t session, bool *known) {
+    const pm_checkpoint_ring *ring = &node->checkpoints;
     int64_t found_session = 0;
     bool found = false;
-    if (ring->path != NULL) {
-        PM_TRY(pm_snapshot_session(ring->path, &ring->key, &found_session, &found));
-    }
-    *known = found && found_session == session;
-    return PM_OK;
+    const pm_status status =
+        ring->path == NULL ? PM_OK
+                           : pm_snapshot_session(ring->path, &ring->key, &found_session, &found);
+    *known = status == PM_OK && found && found_session == session;
+    return node->stays ? PM_OK : status;
 }
 
 // --- steps ---
@@ -329,7 +331,7 @@ static pm_status begin(pm_lockstep_node *node) {
     if (ring->path == NULL) {
         return report(node);
     }
-    PM_TRY(has_session(ring, session, &known));
+    PM_TRY(has_session(node, session, &known));
     if (!known) {
         PM_TRY(pm_snapshot_save(ring->path, &ring->key, session, ring->state));
         return roll_back(node, INT64_MAX);
@@ -462,7 +464,7 @@ static pm_drop hear_first(pm_lockstep_node *node, const portmet_tick_t *tick, bo
     }
     bool known = false;
     if (tick->granted > tick->first) {
-        check(node, has_session(&node->checkpoints, tick->session, &known));
+        check(node, has_session(node, tick->session, &known));
         node->late = !known;
     }
     if (node->phase != PM_NODE_HELLO || (tick->granted > tick->first && !known)) {
