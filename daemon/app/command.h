@@ -26,8 +26,8 @@ typedef struct pm_run_options {
     const char *author;            // of its model; NULL: not named
     const char *text;              // of the scene; NULL: that of the file `scene`
     const char *other;             // folder of the weights that another host has
-    const char *budget;            // s, of a study
-    const char *error;             // %, that advice is for
+    double budget;                 // s, of a study; 0: not given
+    double error;                  // %, that advice is for; 0: not given
     const char *write;             // file of a scene
     const char *starts;            // dataset of the states in which copies start
     const char *picture;           // name of a picture, without its ending

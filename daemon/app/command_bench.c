@@ -403,21 +403,13 @@ static pm_status report(const bench *b, double target) {
 
 static pm_status execute(const pm_run_options *options) {
     bench b = {.options = options};
-    double budget = BUDGET, target = ERROR;
-    const double started = pm_clock();
+    const double budget = options->budget > 0 ? options->budget : BUDGET;
+    const double target = options->error > 0 ? options->error : ERROR, end = pm_clock() + budget;
     pm_rollout_result trial;
     pm_status status;
     if (options->processes) {
         return pm_command_test.execute(options);
     }
-    PM_TRY_DONE(options->budget == NULL
-                    ? PM_OK
-                    : pm_options_positive("--budget", options->budget, &budget));
-    PM_TRY_DONE(options->error == NULL ? PM_OK
-                                       : pm_options_positive("--error", options->error, &target));
-    const double end = started + budget;
-    PM_TRY_DONE(pm_options_output("--write", options->write));
-    PM_TRY_DONE(pm_options_output("--picture", options->picture));
     PM_TRY_DONE(pm_prepare(&b.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(b.base.scene->path, &b.text));
     const pm_physics *physics = &b.base.scene->physics;

@@ -269,14 +269,9 @@ static pm_status execute(const pm_run_options *options) {
     pm_start start[WIDTHS][INSIDE];
     int nstart[WIDTHS];
     const double started = pm_clock();
-    double budget = BUDGET;
+    const double budget = options->budget > 0 ? options->budget : BUDGET;
     pm_rollout_result trial;
     pm_status status;
-    PM_TRY_DONE(options->budget == NULL
-                    ? PM_OK
-                    : pm_options_positive("--budget", options->budget, &budget));
-    PM_TRY_DONE(pm_options_output("--write", options->write));
-    PM_TRY_DONE(pm_options_output("--picture", options->picture));
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
     const pm_physics *physics = &t.base.scene->physics;

@@ -693,12 +693,10 @@ static pm_status bench_processes(assembly *a) {
                                   .factor = 1,
                                   .seconds = SPAN};
     pm_rollout_result here;
-    double budget = BUDGET, best = INFINITY;
+    const double end = pm_clock() + (options->budget > 0 ? options->budget : BUDGET);
+    double best = INFINITY;
     int advice[2] = {0, 0};
     pm_status status = PM_OK;
-    PM_TRY(options->budget == NULL ? PM_OK
-                                   : pm_options_positive("--budget", options->budget, &budget));
-    const double end = pm_clock() + budget;
     pm_rollout_run(&a->setup, &start, &spec, NULL, &here);
     PM_TRY(here.steps > 0 ? PM_OK : pm_fail(here.status, "bench: %s", here.why));
     const double own = here.seconds / (double)here.steps;

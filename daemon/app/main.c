@@ -19,70 +19,80 @@ static const pm_command *const commands[] = {
 };
 enum { NCOMMAND = sizeof commands / sizeof commands[0], MOST_OPTIONS = 47, MOST_PORT = 65535 };
 
-// Options whose values are numbers arrive as text.
-typedef struct given_options {
-    pm_run_options run;
-    const char *steps, *session, *log, *port, *udp, *seed, *copies;
-} given_options;
-
 static pm_option text_option(const char *name, const char *value, const char **text,
                              const char *help) {
     return (pm_option){.name = name, .value = value, .text = text, .help = help};
 }
 
+static pm_option count_option(const char *name, const char *value, int64_t most, int64_t *count,
+                              const char *help) {
+    return (pm_option){
+        .name = name, .value = value, .count = count, .least = 1, .most = most, .help = help};
+}
+
+static pm_option number_option(const char *name, const char *value, double *number,
+                               const char *help) {
+    return (pm_option){.name = name, .value = value, .positive = number, .help = help};
+}
+
+static pm_option switch_option(const char *name, bool *on, const char *help) {
+    return (pm_option){.name = name, .on = on, .help = help};
+}
+
+static pm_option output_option(const char *name, const char *brief, const char *value,
+                               const char **path, bool is_file, const char *help) {
+    return (pm_option){.name = name,
+                       .brief = brief,
+                       .value = value,
+                       .text = path,
+                       .help = help,
+                       .is_output = is_file};
+}
+
 // Fills table [MOST_OPTIONS] with the accepted options; returns their number.
-static int list_options(unsigned accepts, given_options *given, pm_option *table) {
-    pm_run_options *run = &given->run;
+static int list_options(unsigned accepts, pm_run_options *run, const char **form,
+                        pm_option *table) {
     const struct {
         unsigned any; // of these bits
         pm_option option;
     } row[MOST_OPTIONS] = {
-        {PM_OPTION_STEPS,
-         text_option("--steps", "N", &given->steps, "compute N steps instead of the scene's")},
+        {PM_OPTION_STEPS, count_option("--steps", "N", INT_MAX, &run->steps,
+                                       "compute N steps instead of the scene's")},
         {PM_OPTION_RECORD, text_option("--record", "FILE", &run->record,
                                        "write every state, flux and total to FILE (HDF5)")},
         {PM_OPTION_REPLAY, text_option("--replay", "FILE", &run->replay,
                                        "take the values of live inputs from the recording FILE")},
-        {PM_OPTION_OVERWRITE,
-         {.name = "--overwrite",
-          .on = &run->overwrite,
-          .help = "let --record replace a file that is not a recording"}},
+        {PM_OPTION_OVERWRITE, switch_option("--overwrite", &run->overwrite,
+                                            "let --record replace a file that is not a recording")},
         {PM_OPTION_WEIGHTS,
          text_option("--weights", "DIR", &run->weights, "take the weights files from DIR")},
         {PM_OPTION_COMPILED,
-         {.name = "--compiled",
-          .on = &run->compiled,
-          .help = "compile the models to machine code, which is kept in ~/.cache/portmet"}},
+         switch_option("--compiled", &run->compiled,
+                       "compile the models to machine code, which is kept in ~/.cache/portmet")},
         {PM_OPTION_URL,
          text_option("--url", "URL", &run->url, "LCM provider, or mpi://, instead of the scene's")},
-        {PM_OPTION_IN_PROCESS,
-         {.name = "--in-process",
-          .on = &run->in_process,
-          .help = "all subsystems in this process, without LCM"}},
+        {PM_OPTION_IN_PROCESS, switch_option("--in-process", &run->in_process,
+                                             "all subsystems in this process, without LCM")},
         {PM_OPTION_TOGETHER,
-         {.name = "--in-process",
-          .on = &run->in_process,
-          .help = "all subsystems in this process: only what clients ask for crosses the network"}},
+         switch_option(
+             "--in-process", &run->in_process,
+             "all subsystems in this process: only what clients ask for crosses the network")},
         {PM_OPTION_IN_PROCESS,
-         text_option("--copies", "N", &given->copies,
-                     "run N copies of the scene in this process, and compare their ends")},
+         count_option("--copies", "N", INT_MAX, &run->copies,
+                      "run N copies of the scene in this process, and compare their ends")},
         {PM_OPTION_IN_PROCESS,
          text_option("--starts", "FILE", &run->starts,
                      "start each copy in the first state of a trajectory of FILE (HDF5)")},
         {PM_OPTION_SESSION,
-         text_option("--session", "NUMBER", &given->session,
-                     "number of the run, where several of this scene share a network")},
+         count_option("--session", "NUMBER", INT64_MAX, &run->session,
+                      "number of the run, where several of this scene share a network")},
         {PM_OPTION_CHECKPOINT,
          text_option("--checkpoint", "DIR", &run->checkpoint,
                      "keep checkpoints in DIR, and go on from those found there")},
         {PM_OPTION_C,
          text_option("--c", "DIR", &run->c_folder, "write a header and a source to DIR")},
         {PM_OPTION_OUTPUT,
-         {.name = "--output",
-          .brief = "-o",
-          .value = "FILE",
-          .text = &run->output,
-          .help = "write an FMU to FILE"}},
+         output_option("--output", "-o", "FILE", &run->output, false, "write an FMU to FILE")},
         {PM_OPTION_OUTPUT,
          text_option("--fmi", "VERSION", &run->fmi, "version of the FMU: 2 or 3; by default 3")},
         {PM_OPTION_OUTPUT,
@@ -90,40 +100,32 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
         {PM_OPTION_HOSTS,
          text_option("--hosts", "LIST", &run->hosts,
                      "hosts of the processes, such as a,b or upper=a,lower=b,coordinator=a")},
-        {PM_OPTION_FILES,
-         {.name = "--output",
-          .brief = "-o",
-          .value = "PATH",
-          .text = &run->output,
-          .help = "write to the folder (systemd) or file (procman) PATH"}},
-        {PM_OPTION_LOG, text_option("--log", "FORM", &given->log,
-                                    "form of the lines on standard error: text, or json")},
-        {PM_OPTION_QUIET, {.name = "--quiet", .on = &run->quiet, .help = "print errors only"}},
-        {PM_OPTION_PORT, text_option("--port", "PORT", &given->port,
-                                     "serve the page on this port instead of 8080")},
+        {PM_OPTION_FILES, output_option("--output", "-o", "PATH", &run->output, false,
+                                        "write to the folder (systemd) or file (procman) PATH")},
+        {PM_OPTION_LOG,
+         text_option("--log", "FORM", form, "form of the lines on standard error: text, or json")},
+        {PM_OPTION_QUIET, switch_option("--quiet", &run->quiet, "print errors only")},
+        {PM_OPTION_PORT, count_option("--port", "PORT", MOST_PORT, &run->port,
+                                      "serve the page on this port instead of 8080")},
         {PM_OPTION_BIND, text_option("--bind", "ADDRESS", &run->bind,
                                      "serve the page on this address instead of 127.0.0.1")},
-        {PM_OPTION_UDP, text_option("--udp", "PORT", &given->udp,
-                                    "send all values as JSON to this UDP port of 127.0.0.1")},
+        {PM_OPTION_UDP, count_option("--udp", "PORT", MOST_PORT, &run->udp,
+                                     "send all values as JSON to this UDP port of 127.0.0.1")},
         {PM_OPTION_STAYS,
-         {.name = "--serve",
-          .on = &run->stays,
-          .help = "serve one run after another, as long as it takes"}},
+         switch_option("--serve", &run->stays, "serve one run after another, as long as it takes")},
         {PM_OPTION_ELSEWHERE,
-         {.name = "--elsewhere",
-          .on = &run->elsewhere,
-          .help = "launch no nodes: they run elsewhere, with node --serve"}},
+         switch_option("--elsewhere", &run->elsewhere,
+                       "launch no nodes: they run elsewhere, with node --serve")},
         {PM_OPTION_FOLDER, text_option("--record", "DIR", &run->record,
                                        "let clients record their runs in the folder DIR")},
         {PM_OPTION_START,
-         {.name = "--endless", .on = &run->endless, .help = "run until the run is stopped"}},
-        {PM_OPTION_START,
-         {.name = "--wait", .on = &run->wait, .help = "wait until the run has ended"}},
+         switch_option("--endless", &run->endless, "run until the run is stopped")},
+        {PM_OPTION_START, switch_option("--wait", &run->wait, "wait until the run has ended")},
         {PM_OPTION_START,
          text_option("--pace", "X", &run->pace, "simulate X s in each s; 0: as fast as it can be")},
         {PM_OPTION_START, text_option("--record", "NAME", &run->record,
                                       "record the run as NAME in the folder of the service")},
-        {PM_OPTION_HELD, {.name = "--held", .on = &run->held, .help = "hold the run at its start"}},
+        {PM_OPTION_HELD, switch_option("--held", &run->held, "hold the run at its start")},
         {PM_OPTION_STATE,
          text_option("--state", "LIST", &run->state, "these numbers, in the order of query")},
         {PM_OPTION_TRAJECTORY,
@@ -138,27 +140,25 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
         {PM_OPTION_ELSEWHERE, text_option("--control", "view", &run->control,
                                           "let `portmetd view` start, hold and step runs")},
         {PM_OPTION_TEST,
-         {.name = "--here",
-          .on = &run->here,
-          .help = "use the network that is there, not a private one"}},
+         switch_option("--here", &run->here, "use the network that is there, not a private one")},
         {PM_OPTION_TEST, text_option("--other", "DIR", &run->other,
                                      "let the last process take its weights from DIR, as on "
                                      "another host")},
-        {PM_OPTION_ERROR, text_option("--error", "PERCENT", &run->error,
-                                      "give advice for this error instead of 0.01 %")},
+        {PM_OPTION_ERROR, number_option("--error", "PERCENT", &run->error,
+                                        "give advice for this error instead of 0.01 %")},
         {PM_OPTION_ERROR,
-         {.name = "--processes",
-          .on = &run->processes,
-          .help = "measure cuts into processes, and windows, instead of integrators"}},
-        {PM_OPTION_STUDY, text_option("--budget", "SECONDS", &run->budget,
-                                      "take at most this time, 60 s by default")},
-        {PM_OPTION_STUDY, text_option("--seed", "N", &given->seed, "take other random starts")},
-        {PM_OPTION_STUDY, text_option("--write", "FILE", &run->write,
-                                      "write the scene that is advised, or that breaks")},
+         switch_option("--processes", &run->processes,
+                       "measure cuts into processes, and windows, instead of integrators")},
+        {PM_OPTION_STUDY, number_option("--budget", "SECONDS", &run->budget,
+                                        "take at most this time, 60 s by default")},
         {PM_OPTION_STUDY,
-         text_option("--picture", "NAME", &run->picture, "draw NAME.png and NAME.svg by gnuplot")},
+         count_option("--seed", "N", INT_MAX, &run->seed, "take other random starts")},
+        {PM_OPTION_STUDY, output_option("--write", NULL, "FILE", &run->write, true,
+                                        "write the scene that is advised, or that breaks")},
+        {PM_OPTION_STUDY, output_option("--picture", NULL, "NAME", &run->picture, true,
+                                        "draw NAME.png and NAME.svg by gnuplot")},
         {PM_OPTION_TEST | PM_OPTION_STUDY,
-         {.name = "--json", .on = &run->json, .help = "print results as JSON"}},
+         switch_option("--json", &run->json, "print results as JSON")},
     };
     int count = 0;
     for (int i = 0; i < MOST_OPTIONS; ++i) {
@@ -171,8 +171,8 @@ static int list_options(unsigned accepts, given_options *given, pm_option *table
 
 // Reads the options of the command argv[0] and executes it, or prints its help.
 static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    given_options given = {.run = {.stop = stop, .log = {.program = "portmetd"}}};
-    pm_run_options *run = &given.run;
+    pm_run_options given = {.stop = stop, .log = {.program = "portmetd"}}, *run = &given;
+    const char *form = NULL;
     const pm_command *const *found = commands;
     while (strcmp((*found)->name, argv[0]) != 0) {
         ++found;
@@ -188,31 +188,16 @@ static pm_status execute(int argc, char **argv, const volatile sig_atomic_t *sto
         .examples = command->examples,
         .positional_name = command->arguments,
         .positional = positional,
-        .count = list_options(command->accepts, &given, table),
+        .count = list_options(command->accepts, run, &form, table),
         .option = table,
     };
-    bool helped = false;
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY(pm_options_read(&options, argc, argv));
     run->scene = positional[0];
     run->name = positional[1];
     run->log.part = positional[1] != NULL ? positional[1] : argv[0];
-    PM_TRY(pm_journal_read_form(given.log, &run->log.json));
-    const struct {
-        const char *name, *text;
-        int64_t most, *result;
-    } count[] = {{"--steps", given.steps, INT_MAX, &run->steps},
-                 {"--session", given.session, INT64_MAX, &run->session},
-                 {"--port", given.port, MOST_PORT, &run->port},
-                 {"--udp", given.udp, MOST_PORT, &run->udp},
-                 {"--copies", given.copies, INT_MAX, &run->copies},
-                 {"--seed", given.seed, INT_MAX, &run->seed}};
-    for (size_t i = 0; i < sizeof count / sizeof count[0]; ++i) {
-        if (count[i].text != NULL) {
-            PM_TRY(pm_options_count(count[i].name, count[i].text, count[i].most, count[i].result));
-        }
-    }
+    PM_TRY(pm_journal_read_form(form, &run->log.json));
     run->address = run->session;
-    const pm_status status = helped ? PM_OK : command->execute(run);
+    const pm_status status = command->execute(run);
     if (status != PM_OK && run->log.json) {
         const pm_journal_field code = {.name = "code", .number = (double)status};
         pm_journal_write(&run->log, PM_JOURNAL_ERROR, 1, &code, "%s", pm_error());

@@ -17,6 +17,27 @@ static void print_option(const char *brief, const char *name, const char *value,
     printf("  %-26s %s\n", left, help);
 }
 
+// Reads the value of an option with a number.
+static pm_status read_number(const pm_option *option, const char *text) {
+    char *end;
+    errno = 0;
+    if (option->positive != NULL) {
+        *option->positive = strtod(text, &end);
+        return end != text && *end == 0 && *option->positive > 0 && isfinite(*option->positive)
+                   ? PM_OK
+                   : pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", option->name,
+                             text);
+    }
+    *option->count = strtoll(text, &end, 10);
+    return errno == 0 && end != text && *end == 0 && *option->count >= option->least &&
+                   *option->count <= option->most
+               ? PM_OK
+               : pm_fail(PM_EUSAGE,
+                         "%s: expected a whole number from %" PRId64 " to %" PRId64
+                         ", found \"%s\"",
+                         option->name, option->least, option->most, text);
+}
+
 // Stores argument number *i, and the value that follows it if it is an option with a value.
 static pm_status take_option(const pm_options *options, int argc, char **argv, int *i) {
     const char *argument = argv[*i], *equals = strchr(argument, '=');
@@ -43,6 +64,9 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
         return pm_fail(PM_EUSAGE, "%s: %s needs a value (%s)", argv[0], argument, option->value);
     }
     const char *value = glued != NULL ? glued : argv[++*i];
+    if (option->text == NULL) {
+        return read_number(option, value);
+    }
     const bool several = options->several != NULL && strcmp(option->name, options->several) == 0;
     pm_words *words = several ? options->words : NULL;
     for (const struct pm_several *o = options->others; o != NULL && o->name != NULL; ++o) {
@@ -82,8 +106,7 @@ static pm_status fail_positional(const pm_options *options, const char *command,
                    options->positional_name, found, found == 1 ? "" : "s", detail, options->usage);
 }
 
-pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped) {
-    *helped = false;
+pm_status pm_options_read(const pm_options *options, int argc, char **argv) {
     for (int i = 1; i < argc; ++i) {
         if (strcmp(argv[i], "--help") != 0 && strcmp(argv[i], "-h") != 0) {
             continue;
@@ -101,8 +124,7 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
         }
         printf("\nA value may also follow an equals sign, as in --name=value. Arguments after -- "
                "are not\noptions.\n");
-        *helped = true;
-        return PM_OK;
+        return PM_HELPED;
     }
     // Keeps as many positional arguments as there is room for, and counts the others.
     int names = 1, found = 0;
@@ -144,6 +166,7 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool
             return pm_fail(PM_EUSAGE, "%s: %s %s is missing; usage: %s", argv[0], o->name, o->value,
                            options->usage);
         }
+        PM_TRY(o->is_output ? pm_options_output(o->name, *o->text) : PM_OK);
     }
     return PM_OK;
 }
@@ -159,28 +182,6 @@ pm_status pm_options_output(const char *name, const char *path) {
     return stat(folder, &found) == 0 && S_ISDIR(found.st_mode)
                ? PM_OK
                : pm_fail(PM_EFILE, "%s %s: there is no folder %s", name, path, folder);
-}
-
-pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result) {
-    char *end;
-    errno = 0;
-    const long long value = strtoll(text, &end, 10);
-    if (errno != 0 || end == text || *end != 0 || value < 1 || value > most) {
-        return pm_fail(PM_EUSAGE, "%s: expected a whole number from 1 to %" PRId64 ", found \"%s\"",
-                       name, most, text);
-    }
-    *result = value;
-    return PM_OK;
-}
-
-pm_status pm_options_positive(const char *name, const char *text, double *result) {
-    char *end;
-    const double number = strtod(text, &end);
-    if (end == text || *end != 0 || !(number > 0 && isfinite(number))) {
-        return pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", name, text);
-    }
-    *result = number;
-    return PM_OK;
 }
 
 pm_status pm_options_range(const char *text, int count, int *first, int *end) {

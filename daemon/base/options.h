@@ -8,16 +8,21 @@
 
 #include "base/status.h"
 
-// One option: a switch, which sets `on`, or an option with a value, which sets `text`. Exactly one
-// of the two is not NULL.
+// One option: a switch, which sets `on`, or an option with a value, which sets `text` or a number.
+// Exactly one of the places is not NULL.
 typedef struct pm_option {
     const char *name;  // such as "--output"
     const char *brief; // such as "-o"; NULL: the option has no short form
     const char *value; // what the help calls the value, such as "FILE"; NULL: a switch
     bool *on;          // becomes true when the switch is given
     const char **text; // becomes the value when the option is given
-    bool required;
+    bool required;     // of a text
     const char *help;
+    bool is_output;   // the text is the path of a file that is written at the end, in a folder that
+                      // must exist: a command that works for minutes must not find out that late
+    double *positive; // becomes the value, a number > 0
+    int64_t *count;   // becomes the value, a whole number from `least` to `most`
+    int64_t least, most;
 } pm_option;
 
 // Several values of an option; they point into argv.
@@ -50,10 +55,10 @@ typedef struct pm_options {
 } pm_options;
 
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to
-// it by "=". After "--" all arguments are positional. With --help or -h, prints the help to
-// standard output and sets `helped`: the caller then has nothing to do. Values point into argv.
-// PM_EUSAGE names the offending argument.
-pm_status pm_options_read(const pm_options *options, int argc, char **argv, bool *helped);
+// it by "=". After "--" all arguments are positional. Texts point into argv. PM_HELPED: --help or
+// -h was among the arguments, and the help went to standard output. PM_EUSAGE names the offending
+// argument. PM_EFILE: there is no folder for an output.
+pm_status pm_options_read(const pm_options *options, int argc, char **argv);
 
 // Reads a range of the trajectories 0 ... count - 1: "A:B" means A up to, not including, B; "A:"
 // means from A on, ":B" means up to B, "A" means one trajectory, and NULL means all. PM_EUSAGE: the
@@ -65,15 +70,9 @@ pm_status pm_options_range(const char *text, int count, int *first, int *end);
 // or a trajectory is named twice.
 pm_status pm_options_list(const char *text, int count, int *which, int *nwhich);
 
-// Reads the value of the option `name`, a whole number from 1 to `most`. PM_EUSAGE.
-pm_status pm_options_count(const char *name, const char *text, int64_t most, int64_t *result);
-
-// Reads the value of the option `name`, a number > 0. PM_EUSAGE.
-pm_status pm_options_positive(const char *name, const char *text, double *result);
-
-// Checks that the file `path`, the value of the option `name`, can be written later: a command that
-// works for minutes must not find out at its end that there is no such folder. NULL is allowed and
-// means that the option was not given. PM_EFILE.
+// Checks that there is a folder for the file `path`, the value of the option `name`, as
+// pm_options_read does for an output. NULL is allowed and means that the option was not given.
+// PM_EFILE.
 pm_status pm_options_output(const char *name, const char *path);
 
 // Makes the folder `path` and its parents if they do not exist. PM_EFILE: it cannot be made or

@@ -9,6 +9,7 @@
 
 // The values are the exit codes of the programs.
 typedef enum pm_status {
+    PM_HELPED = -1, // the help was printed, and nothing is left to do: programs end with PM_OK
     PM_OK = 0,
     PM_EUSAGE = 2,   // command line
     PM_ECONFIG = 3,  // scene, training or truth file: wrong key, type, name or value

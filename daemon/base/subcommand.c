@@ -42,6 +42,7 @@ static pm_status dispatch(const pm_subcommands *commands, int argc, char **argv)
 }
 
 int pm_subcommand_end(const char *program, pm_status status) {
+    status = status == PM_HELPED ? PM_OK : status;
     if (fflush(stdout) != 0 && status == PM_OK) {
         status = pm_fail(PM_EFILE, "standard output: %s", strerror(errno));
     }

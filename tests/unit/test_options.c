@@ -12,7 +12,9 @@
 
 typedef struct given {
     const char *output, *data, *positional[3];
-    bool quiet, helped;
+    int64_t count;
+    double number;
+    bool quiet;
     pm_words several;
 } given;
 
@@ -29,9 +31,11 @@ static pm_status read_words(given *g, const char *const *word, int least, int mo
         line.word[argc] = word[argc - 1];
     }
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &g->output, true, "write FILE"},
-        {"--data", NULL, "FILE", NULL, &g->data, false, "read FILE"},
-        {"--quiet", "-q", NULL, &g->quiet, NULL, false, "print errors only"},
+        {"--output", "-o", "FILE", NULL, &g->output, true, .help = "write FILE", .is_output = true},
+        {"--data", NULL, "FILE", NULL, &g->data, false, .help = "read FILE"},
+        {"--quiet", "-q", NULL, &g->quiet, NULL, false, .help = "print errors only"},
+        {"--steps", NULL, "N", .count = &g->count, .least = 1, .most = 12, .help = "take N steps"},
+        {"--time", NULL, "T", .positive = &g->number, .help = "s"},
     };
     const pm_options options = {
         .usage = "test save SCENE NAME -o FILE",
@@ -45,7 +49,7 @@ static pm_status read_words(given *g, const char *const *word, int least, int mo
         .several = "--data",
         .words = &g->several,
     };
-    return pm_options_read(&options, argc, line.argv, &g->helped);
+    return pm_options_read(&options, argc, line.argv);
 }
 
 #define WORDS(...) ((const char *const[]){__VA_ARGS__, NULL})
@@ -64,7 +68,7 @@ static void options_stand_anywhere(void **state) {
         assert_string_equal(g.output, "x");
         assert_string_equal(g.positional[0], "a");
         assert_string_equal(g.positional[1], "b");
-        assert_true(g.quiet && g.data == NULL && !g.helped);
+        assert_true(g.quiet && g.data == NULL);
     }
     given g = {0};
     assert_int_equal(read_words(&g, WORDS("-o", "x", "--", "-a", "--data"), 0, 0), PM_OK);
@@ -129,8 +133,7 @@ static void mistakes_are_named(void **state) {
 static void help_needs_nothing_else(void **state) {
     (void)state;
     given g = {0};
-    assert_int_equal(read_words(&g, WORDS("--wrong", "--help"), 0, 0), PM_OK);
-    assert_true(g.helped);
+    assert_int_equal(read_words(&g, WORDS("--wrong", "--help"), 0, 0), PM_HELPED);
 }
 
 static void ranges_count_from_zero(void **state) {
@@ -158,28 +161,36 @@ static void ranges_count_from_zero(void **state) {
 
 static void numbers_are_checked(void **state) {
     (void)state;
-    int64_t count = 7;
-    double number = 7;
-    assert_int_equal(pm_options_count("--steps", "12", 12, &count), PM_OK);
-    assert_int_equal(count, 12);
+    given g = {0};
+    assert_int_equal(
+        read_words(&g, WORDS("a", "b", "-o", "x", "--steps", "12", "--time=1e-3"), 0, 0), PM_OK);
+    assert_int_equal(g.count, 12);
+    assert_true(g.number == 1e-3);
     static const char *const no_count[] = {"13", "0", "-1", "1.5", "", "x", "99999999999999999999"};
     for (size_t i = 0; i < sizeof no_count / sizeof no_count[0]; ++i) {
-        assert_int_equal(pm_options_count("--steps", no_count[i], 12, &count), PM_EUSAGE);
+        assert_int_equal(read_words(&g, WORDS("a", "b", "-o", "x", "--steps", no_count[i]), 0, 0),
+                         PM_EUSAGE);
     }
-    assert_int_equal(count, 12);
-    assert_int_equal(pm_options_positive("--time", "1e-3", &number), PM_OK);
-    assert_true(number == 1e-3);
     static const char *const no_number[] = {"0", "-1", "inf", "nan", "", "1s", "1,2"};
     for (size_t i = 0; i < sizeof no_number / sizeof no_number[0]; ++i) {
-        assert_int_equal(pm_options_positive("--time", no_number[i], &number), PM_EUSAGE);
+        assert_int_equal(read_words(&g, WORDS("a", "b", "-o", "x", "--time", no_number[i]), 0, 0),
+                         PM_EUSAGE);
     }
+}
+
+static void an_output_needs_a_folder(void **state) {
+    (void)state;
+    given g = {0};
+    assert_int_equal(read_words(&g, WORDS("a", "b", "-o", "no/such/folder/x"), 0, 0), PM_EFILE);
+    assert_non_null(strstr(pm_error(), "--output no/such/folder/x: there is no folder"));
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(options_stand_anywhere), cmocka_unit_test(an_option_has_several_values),
-        cmocka_unit_test(mistakes_are_named),     cmocka_unit_test(help_needs_nothing_else),
-        cmocka_unit_test(ranges_count_from_zero), cmocka_unit_test(numbers_are_checked),
+        cmocka_unit_test(options_stand_anywhere),   cmocka_unit_test(an_option_has_several_values),
+        cmocka_unit_test(mistakes_are_named),       cmocka_unit_test(help_needs_nothing_else),
+        cmocka_unit_test(ranges_count_from_zero),   cmocka_unit_test(numbers_are_checked),
+        cmocka_unit_test(an_output_needs_a_folder),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

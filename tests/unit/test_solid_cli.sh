@@ -45,6 +45,6 @@ below 1 "dissipated energy"
 timeout 300 "$train" respond "$folder/other.h5" --weights configs/weights/beam/body.h5 >"$folder/out" 2>&1
 [ $? -eq 6 ] && grep -qF "expected weights of a solid" "$folder/out" || fail "weights of another kind: expected code 6"
 timeout 300 "$train" solid "$folder/small.h5" --branches 9 -o "$folder/none.h5" >"$folder/out" 2>&1
-[ $? -eq 2 ] && grep -qF -e "--branches: expected 0 to 4" "$folder/out" || fail "--branches 9: expected code 2"
+[ $? -eq 2 ] && grep -qF -e "--branches: expected a whole number from 0 to 4" "$folder/out" || fail "--branches 9: expected code 2"
 
 finish

@@ -67,13 +67,11 @@ static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
     j->nseen = pm_seen_mark(j->system, j->truth, j->seen); // by digests of whole trajectories
-    if (a->until != NULL) {                                // leaves out all later states
-        double seconds = 0;
-        PM_TRY(pm_options_positive("--until", a->until, &seconds));
-        const double steps = floor(seconds / j->truth->dt * (1 + ROUNDING));
+    if (a->until > 0) {                                    // leaves out all later states
+        const double steps = floor(a->until / j->truth->dt * (1 + ROUNDING));
         if (steps < 1) {
             return pm_fail(PM_EUSAGE, "--until: expected at least one step of %g s, found %g s",
-                           j->truth->dt, seconds);
+                           j->truth->dt, a->until);
         }
         if (steps < j->truth->ntime - 1) {
             pm_dataset_shorten(j->truth, 1 + (int)steps);
@@ -147,32 +145,35 @@ static bool hides(const pm_scene *scene) {
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_evaluate_arguments a = {0};
     pm_words given = {0};
-    bool helped = false;
+    double seconds = 0; // to estimate from
     const pm_option table[] = {
         {"--data", "-d", "FILE...", NULL, &a.data, true,
-         "dataset to score against, or tables (see import --help)"},
+         .help = "dataset to score against, or tables (see import --help)"},
         {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
-         "only these trajectories; default: those not used in training"},
+         .help = "only these trajectories; default: those not used in training"},
         {"--trained", NULL, "A:B", NULL, &a.trained, false,
-         "trajectories used in training, to print their errors as well"},
+         .help = "trajectories used in training, to print their errors as well"},
         {"--weights", "-w", "DIR", NULL, &a.weights, false,
-         "take the weights files from DIR instead of where the scene says"},
+         .help = "take the weights files from DIR instead of where the scene says"},
         {"--record", NULL, "FILE", NULL, &a.record, false,
-         "write the predicted trajectories as a dataset like the given one"},
+         .help = "write the predicted trajectories as a dataset like the given one",
+         .is_output = true},
         {"--plot", NULL, "DIR", NULL, &a.plot, false,
-         "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands after "
-         "--estimate"},
-        {"--estimate", NULL, "SECONDS", NULL, &a.estimate, false,
-         "the data are measurements: estimate each start from these first seconds"},
+         .help = "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands "
+                 "after "
+                 "--estimate"},
+        {"--estimate", NULL, "SECONDS", .positive = &seconds,
+         .help = "the data are measurements: estimate each start from these first seconds"},
         {"--states", NULL, "FILE", NULL, &a.states, false,
-         "with --estimate: write the predicted states, from which portmetd can start a run"},
+         .help = "with --estimate: write the predicted states, from which portmetd can start a run",
+         .is_output = true},
         {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
-         "with --estimate: the dataset in FILE, such as z_noise; default: z"},
+         .help = "with --estimate: the dataset in FILE, such as z_noise; default: z"},
         {"--truth", NULL, "FILE", NULL, &a.truth, false,
-         "with --estimate: states without noise, to print the errors of all variables"},
-        {"--until", NULL, "SECONDS", NULL, &a.until, false,
-         "without --estimate: roll out these first seconds of each trajectory alone"},
-        {"--json", NULL, NULL, &a.json, NULL, false, "print JSON instead of tables"},
+         .help = "with --estimate: states without noise, to print the errors of all variables"},
+        {"--until", NULL, "SECONDS", .positive = &a.until,
+         .help = "without --estimate: roll out these first seconds of each trajectory alone"},
+        {"--json", NULL, NULL, &a.json, NULL, false, .help = "print JSON instead of tables"},
     };
     const pm_options options = {
         .usage = "portmet-train evaluate SCENE --data FILE... [options]",
@@ -198,23 +199,14 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     pm_options_line(argc, argv, command, sizeof command);
     job j = {.stop = stop};
     pm_data_file data = {0};
-    double seconds = 0;
     pm_status status;
-    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY_DONE(pm_options_output("--states", a.states));
-    PM_TRY_DONE(pm_options_output("--record", a.record));
-    if (helped) {
-        goto done;
-    }
-    if (a.estimate != NULL) {
-        PM_TRY_DONE(pm_options_positive("--estimate", a.estimate, &seconds));
-    }
+    PM_TRY_DONE(pm_options_read(&options, argc, argv));
     PM_TRY_DONE(pm_data_open(&data, &given, NULL, a.json));
     a.data = data.path;
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
     // A scene that begins at an estimated start with hidden groups cannot begin elsewhere.
-    seconds = a.estimate == NULL && hides(j.scene) ? j.scene->run.reference_estimate : seconds;
+    seconds = seconds == 0 && hides(j.scene) ? j.scene->run.reference_estimate : seconds;
     if (seconds > 0) {
         status = pm_evaluate_from_estimate(j.system, &a, seconds, stop);
         goto done;

@@ -16,8 +16,7 @@ typedef struct pm_evaluate_arguments {
     const char *trained;         // trajectories used in training
     const char *record;          // file for the predictions
     const char *plot;            // folder for pictures
-    const char *until;           // s
-    const char *estimate;        // s: the data are measurements
+    double until;                // s; 0: not given
     const char *states;          // with estimate: file for the predicted states
     const char *truth;           // with estimate: file with states without noise
     bool json;                   // print one JSON object instead of tables

@@ -158,26 +158,26 @@ static pm_status find_table(const pm_fit_arguments *a, pm_training **training, c
 pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_fit_arguments a = {0};
     pm_words given = {0};
-    bool helped = false;
     const pm_option option[] = {
         {"--data", "-d", "FILE...", NULL, &a.data, false,
-         "dataset, or tables (see import --help), instead of the one CONFIG names"},
+         .help = "dataset, or tables (see import --help), instead of the one CONFIG names"},
         {"--output", "-o", "DIR", NULL, &a.output, true,
-         "folder for the weights, one file per subsystem and port"},
+         .help = "folder for the weights, one file per subsystem and port"},
         {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
-         "measurements: the array of FILE to read, such as z_noise; default: z"},
+         .help = "measurements: the array of FILE to read, such as z_noise; default: z"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "use only these trajectories, such as 0:40 or 0:4,7"},
+         .help = "use only these trajectories, such as 0:40 or 0:4,7"},
         {"--validation", NULL, "LIST", NULL, &a.validation, false,
-         "keep these back for validation, or none; default: every fifth"},
-        {"--seed", NULL, "N", NULL, &a.seed, false,
-         "of the first weights and all batches, instead of the one in CONFIG"},
+         .help = "keep these back for validation, or none; default: every fifth"},
+        {"--seed", NULL, "N", .count = &a.seed, .least = 1, .most = INT32_MAX,
+         .help = "of the first weights and all batches, instead of the one in CONFIG"},
         {"--black-box", NULL, NULL, &a.black_box, NULL, false,
-         "also train a model without structure for the same CPU time"},
+         .help = "also train a model without structure for the same CPU time"},
         {"--budget", NULL, "SECONDS", NULL, &a.budget, false,
-         "with a SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
+         .help = "with a SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
         {"--resume", NULL, NULL, &a.resume, NULL, false,
-         "continue from DIR/fit.checkpoint; stages may have been added, the last may be longer"},
+         .help = "continue from DIR/fit.checkpoint; stages may have been added, the last may be "
+                 "longer"},
     };
     const pm_options options = {
         .usage = "portmet-train fit CONFIG|SCENE [--data FILE...] -o DIR [options]",
@@ -207,10 +207,7 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
     const char *table = NULL;
     pm_status status;
     pm_options_line(argc, argv, a.line, (int)sizeof a.line);
-    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
-    if (helped) {
-        goto done;
-    }
+    PM_TRY_DONE(pm_options_read(&options, argc, argv));
     // A proposed training file names the dataset, which is then kept beside it.
     const bool kept = given.count > 0 && pm_propose_is_scene(a.config);
     snprintf(keep, sizeof keep, "%s/training_data.h5", a.output);

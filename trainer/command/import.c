@@ -11,24 +11,25 @@
 pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *stop) {
     const char **file = calloc(MOST_FILES + 1, sizeof *file), *output = NULL, *log = NULL;
     pm_tables_how how = {0};
-    bool helped = false;
     (void)stop; // the reader is interrupted by the same signal
     if (file == NULL) {
         return pm_fail(PM_ENOMEM, "import: out of memory");
     }
     const pm_option option[] = {
-        {"--output", "-o", "FILE", NULL, &output, true, "dataset to write (HDF5)"},
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "dataset to write (HDF5)",
+         .is_output = true},
         {"--time", NULL, "NAME", NULL, &how.time, false,
-         "the column with times, also as \"NAME [UNIT]\"; default: t, time or time stamps"},
+         .help = "the column with times, also as \"NAME [UNIT]\"; default: t, time or time stamps"},
         {"--dt", NULL, "SECONDS", NULL, &how.dt, false,
-         "the time between two rows, where no column has times"},
+         .help = "the time between two rows, where no column has times"},
         {"--missing", NULL, "NUMBERS", NULL, &how.missing, false,
-         "numbers that stand for missing samples, such as -999 or -999,9999"},
+         .help = "numbers that stand for missing samples, such as -999 or -999,9999"},
         {"--runs", NULL, "NAME", NULL, &how.runs, false,
-         "the array of structs whose elements are the runs, or the column that numbers them"},
-        {"--log", NULL, "FILE", NULL, &log, false, "an LCM log, one more table"},
+         .help =
+             "the array of structs whose elements are the runs, or the column that numbers them"},
+        {"--log", NULL, "FILE", NULL, &log, false, .help = "an LCM log, one more table"},
         {"--types", NULL, "FILE", NULL, &how.types, false,
-         "the message types of LCM logs: FILE.lcm, several joined by commas, or a folder"},
+         .help = "the message types of LCM logs: FILE.lcm, several joined by commas, or a folder"},
     };
     const pm_options options = {
         .usage = "portmet-train import TABLE... -o FILE [options]",
@@ -55,19 +56,15 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
     };
     int count = 0;
     pm_status status;
-    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY_DONE(pm_options_output("--output", output));
+    PM_TRY_DONE(pm_options_read(&options, argc, argv));
     while (file[count] != NULL) {
         ++count;
     }
     if (log != NULL) {
         file[count++] = log;
     }
-    if (!helped) {
-        status = count > 0
-                     ? pm_tables_import(count, file, output, &how, false)
-                     : pm_fail(PM_EUSAGE, "import: no TABLE is given; usage: %s", options.usage);
-    }
+    status = count > 0 ? pm_tables_import(count, file, output, &how, false)
+                       : pm_fail(PM_EUSAGE, "import: no TABLE is given; usage: %s", options.usage);
 done:
     free(file);
     return status;

@@ -123,14 +123,13 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
 
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {
     const char **file = calloc(MOST_FILES + 1, sizeof *file), *name = "z", *folder = NULL;
-    bool helped = false;
     if (file == NULL) {
         return pm_fail(PM_ENOMEM, "inspect: out of memory");
     }
     const pm_option table[] = {
-        {"--data-set", NULL, "NAME", NULL, &name, false, "the dataset in FILE; default: z"},
+        {"--data-set", NULL, "NAME", NULL, &name, false, .help = "the dataset in FILE; default: z"},
         {"--plot", NULL, "DIR", NULL, &folder, false,
-         "draw all columns over time into DIR (gnuplot)"},
+         .help = "draw all columns over time into DIR (gnuplot)"},
     };
     const pm_options options = {
         .usage = "portmet-train inspect FILE... [options]",
@@ -152,10 +151,7 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
     const char **unit = NULL;
     pm_words given = {.word = file};
     pm_status status;
-    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
-    if (helped) {
-        goto done;
-    }
+    PM_TRY_DONE(pm_options_read(&options, argc, argv));
     while (file[given.count] != NULL) {
         ++given.count;
     }

@@ -29,32 +29,32 @@ pm_status pm_command_budget(const char *text, double *seconds) {
 pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t *stop) {
     static const char *const forms[] = {"hard", "soft", "free"}; // in the order of pm_form
     const char *scene = NULL, *first = NULL, *output = NULL, *text = forms[PM_HARD];
-    const char *inputs = NULL, *hidden = NULL, *seed = NULL, *first_part = NULL, *first_port = NULL;
+    const char *inputs = NULL, *hidden = NULL, *first_part = NULL, *first_port = NULL;
     pm_words part = {0}, port = {0};
     int64_t number = 1;
     const char *budget = NULL;
     pm_proposal how = {.budget = PM_PROPOSAL_BUDGET, .loud = true, .stop = stop};
-    bool helped = false;
     pm_words given = {0};
     const pm_option table[] = {
         {"--data", "-d", "FILE...", NULL, &first, true,
-         "dataset to examine, or tables (see import --help)"},
+         .help = "dataset to examine, or tables (see import --help)"},
         {"--output", "-o", "FILE", NULL, &output, true,
-         "training file to write (YAML); without SCENE a folder"},
+         .help = "training file to write (YAML); without SCENE a folder"},
         {"--form", NULL, "FORM", NULL, &text, false,
-         "hard (both laws hold; the default), soft, or free (a black box)"},
+         .help = "hard (both laws hold; the default), soft, or free (a black box)"},
         {"--inputs", NULL, "A,B", NULL, &inputs, false,
-         "without SCENE: the columns that are inputs; default: staircases"},
+         .help = "without SCENE: the columns that are inputs; default: staircases"},
         {"--part", NULL, "NAME=A,B", NULL, &first_part, false,
-         "without SCENE: a subsystem and its columns; may be repeated; default: one subsystem"},
+         .help =
+             "without SCENE: a subsystem and its columns; may be repeated; default: one subsystem"},
         {"--port", NULL, "PART,PART", NULL, &first_port, false,
-         "without SCENE: parts that are joined; default: those that move each other"},
-        {"--seed", NULL, "N", NULL, &seed, false,
-         "without SCENE: of the training file; default: 1"},
+         .help = "without SCENE: parts that are joined; default: those that move each other"},
+        {"--seed", NULL, "N", .count = &number, .least = 1, .most = INT32_MAX,
+         .help = "without SCENE: of the training file; default: 1"},
         {"--hidden", NULL, "N", NULL, &hidden, false,
-         "without SCENE: 0 if all variables are measured; default: short fits tell"},
+         .help = "without SCENE: 0 if all variables are measured; default: short fits tell"},
         {"--budget", NULL, "SECONDS", NULL, &budget, false,
-         "CPU time for trials of hypotheses; 0: none is tried (default 60)"},
+         .help = "CPU time for trials of hypotheses; 0: none is tried (default 60)"},
     };
     const struct pm_several others[] = {{"--part", &part}, {"--port", &port}, {NULL, NULL}};
     const pm_options options = {
@@ -88,13 +88,9 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
     pm_data_file data = {0};
     int form = PM_HARD;
     pm_status status;
-    PM_TRY_DONE(pm_options_read(&options, argc, argv, &helped));
+    PM_TRY_DONE(pm_options_read(&options, argc, argv));
     PM_TRY_DONE(pm_command_budget(budget, &how.budget));
-    if (helped) {
-        goto done;
-    }
     if (scene == NULL) {
-        PM_TRY_DONE(seed == NULL ? PM_OK : pm_options_count("--seed", seed, INT32_MAX, &number));
         const pm_logger_hints hints = {.seed = (int)number,
                                        .budget = how.budget,
                                        .stop = stop,

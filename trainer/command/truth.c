@@ -17,7 +17,7 @@
 #define CONVERGED 1e-10
 
 typedef struct truth_arguments {
-    const char *config, *output, *trajectories, *noise, *missing, *seed;
+    const char *config, *output, *trajectories;
 } truth_arguments;
 
 // Fills the dataset. Prints how well energy is conserved, how entropy grows, and how far the
@@ -154,17 +154,19 @@ static pm_status leave_out(pm_dataset *d, int first, double missing, int64_t see
 pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv,
                            const volatile sig_atomic_t *stop) {
     truth_arguments a = {.output = NULL};
-    bool helped = false;
+    double noise = 0, missing = 0;
+    int64_t seed = 1;
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &a.output, true, "dataset to write (HDF5)"},
+        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
+         .is_output = true},
         {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
-         "only the trajectories from A up to, but not including, B"},
-        {"--noise", NULL, "X", NULL, &a.noise, false,
-         "add normal noise, X times the standard deviation of each column"},
-        {"--missing", NULL, "X", NULL, &a.missing, false,
-         "leave out the fraction X of the states at random, so that times are uneven"},
-        {"--seed", NULL, "N", NULL, &a.seed, false,
-         "seed of the noise and of the missing states; default: 1"},
+         .help = "only the trajectories from A up to, but not including, B"},
+        {"--noise", NULL, "X", .positive = &noise,
+         .help = "add normal noise, X times the standard deviation of each column"},
+        {"--missing", NULL, "X", .positive = &missing,
+         .help = "leave out the fraction X of the states at random, so that times are uneven"},
+        {"--seed", NULL, "N", .count = &seed, .least = 1, .most = INT_MAX,
+         .help = "seed of the noise and of the missing states; default: 1"},
     };
     const pm_options options = {
         .usage = "portmet-train truth CONFIG -o FILE [options]",
@@ -182,19 +184,13 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_truth *truth = NULL;
     pm_dataset *dataset = NULL;
     pm_status status = PM_OK;
     int first = 0, end = 0;
-    double noise = 0, missing = 0;
-    int64_t seed = 1;
     PM_TRY_DONE(pm_truth_load(&truth, a.config, more));
     PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
     if (truth->simulator->write != NULL) {
@@ -211,15 +207,6 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
     PM_TRY_DONE(pm_dataset_note(dataset, "units", "%s", truth->model.units));
     PM_TRY_DONE(pm_dataset_note(dataset, "first_trajectory", "%d", first));
     PM_TRY_DONE(simulate(truth, first, dataset, stop));
-    if (a.noise != NULL) {
-        PM_TRY_DONE(pm_options_positive("--noise", a.noise, &noise));
-    }
-    if (a.missing != NULL) {
-        PM_TRY_DONE(pm_options_positive("--missing", a.missing, &missing));
-    }
-    if (a.seed != NULL) {
-        PM_TRY_DONE(pm_options_count("--seed", a.seed, INT_MAX, &seed));
-    }
     if (noise > 0 || missing > 0) {
         PM_TRY_DONE(add_noise(dataset, first, noise, seed));
     }

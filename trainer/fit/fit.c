@@ -69,11 +69,9 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     f->processor = pm_fit_processor_time(f);
     PM_TRY(pm_training_load(&f->training, arguments->config));
     pm_training *t = f->training;
-    if (arguments->seed != NULL) {
-        int64_t seed = 0;
-        PM_TRY(pm_options_count("--seed", arguments->seed, INT32_MAX, &seed));
-        t->seed = (uint64_t)seed;
-        t->digest = pm_digest_integer(t->digest, seed);
+    if (arguments->seed > 0) {
+        t->seed = (uint64_t)arguments->seed;
+        t->digest = pm_digest_integer(t->digest, arguments->seed);
     }
     const pm_fit_effort *e = arguments->effort;
     if (e != NULL) {

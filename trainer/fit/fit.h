@@ -47,7 +47,7 @@ typedef struct pm_fit_arguments {
     const char *config, *data, *output, *trajectories, *validation;
     const char *budget;   // s for a proposal (propose/propose.h)
     const char *data_set; // name of the dataset of measurements; NULL: as the training file says
-    const char *seed;     // of first weights and batches; NULL: as the training file says
+    int64_t seed;         // of first weights and batches; 0: as the training file says
     bool resume, black_box;
     const pm_team *team; // the processes that train together; NULL: this one alone
     double limit;        // s of CPU time, after which the fit ends with the weights it has; 0: none

@@ -17,8 +17,7 @@
 #define ROOM 300
 
 typedef struct contact_arguments {
-    const char *configuration, *basis, *solid, *data, *modes, *stiffness, *creep, *weights,
-        *trajectories, *output;
+    const char *configuration, *basis, *solid, *data, *modes, *weights, *trajectories, *output;
     pm_contact_constants constants;
 } contact_arguments;
 
@@ -132,25 +131,25 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     (void)stop;
     contact_arguments a;
     memset(&a, 0, sizeof a);
-    bool helped = false;
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a.basis, false,
-         "the basis that `reduce` made and all bodies in modes share"},
+         .help = "the basis that `reduce` made and all bodies in modes share"},
         {"--solid", NULL, "NAME,...", NULL, &a.solid, false,
-         "these bodies are solids on the meshes of their fields; needs --data"},
+         .help = "these bodies are solids on the meshes of their fields; needs --data"},
         {"--output", "-o", "DIR", NULL, &a.output, false,
-         "write the weights into DIR, and with --data also modes.h5"},
-        {"--stiffness", "-k", "K", NULL, &a.stiffness, false,
-         "N/m, stiffness of a contact pair (of the bodies' edges); required with -o"},
-        {"--creep", "-c", "C", NULL, &a.creep, false,
-         "m/(N s), > 0, rate at which a pressed pair creeps open (default: no creep)"},
-        {"--data", "-d", "NAME=FILE,...", NULL, &a.data, false, "the fields of every body (HDF5)"},
+         .help = "write the weights into DIR, and with --data also modes.h5"},
+        {"--stiffness", "-k", "K", .positive = &a.constants.stiffness,
+         .help = "N/m, stiffness of a contact pair (of the bodies' edges); required with -o"},
+        {"--creep", "-c", "C", .positive = &a.constants.creep,
+         .help = "m/(N s), > 0, rate at which a pressed pair creeps open (default: no creep)"},
+        {"--data", "-d", "NAME=FILE,...", NULL, &a.data, false,
+         .help = "the fields of every body (HDF5)"},
         {"--score", NULL, "MODES", NULL, &a.modes, false,
-         "print the errors of the contact forces in this recording; needs --data"},
+         .help = "print the errors of the contact forces in this recording; needs --data"},
         {"--weights", "-w", "DIR", NULL, &a.weights, false,
-         "the weights that the recording was made with (default: those in the -o folder)"},
+         .help = "the weights that the recording was made with (default: those in the -o folder)"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "use only these trajectories of the fields, such as 0:4,7,9:"},
+         .help = "use only these trajectories of the fields, such as 0:4,7,9:"},
     };
     const pm_options options = {
         .usage = "portmet-train contact CONFIG {-o DIR -k K | --score MODES} [options]",
@@ -173,10 +172,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     // The options must ask for at least one result, and give all inputs for it.
     if (a.output == NULL && a.modes == NULL) {
         return pm_fail(PM_EUSAGE, "contact: nothing to do: give --output or --score");
@@ -184,23 +180,19 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     if (a.modes != NULL && a.data == NULL) {
         return pm_fail(PM_EUSAGE, "contact: --score needs --data");
     }
-    if (a.output == NULL && (a.stiffness != NULL || a.creep != NULL)) {
+    if (a.output == NULL && (a.constants.stiffness > 0 || a.constants.creep > 0)) {
         return pm_fail(PM_EUSAGE, "contact: --stiffness and --creep are constants of weights that "
                                   "are written, and need --output");
     }
-    if (a.solid != NULL && (a.data == NULL || a.creep != NULL)) {
+    if (a.solid != NULL && (a.data == NULL || a.constants.creep > 0)) {
         return pm_fail(PM_EUSAGE, "contact: --solid needs --data, and no --creep: solids creep");
     }
     if (a.output == NULL && a.weights == NULL) {
         return pm_fail(PM_EUSAGE, "contact: --score needs the --weights of the recording");
     }
-    if (a.output != NULL && a.stiffness == NULL) {
+    if (a.output != NULL && a.constants.stiffness == 0) {
         return pm_fail(PM_EUSAGE, "contact: --output needs --stiffness");
     }
-    PM_TRY(a.stiffness == NULL
-               ? PM_OK
-               : pm_options_positive("--stiffness", a.stiffness, &a.constants.stiffness));
-    PM_TRY(a.creep == NULL ? PM_OK : pm_options_positive("--creep", a.creep, &a.constants.creep));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_basis *basis = NULL;

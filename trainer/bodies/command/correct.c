@@ -12,12 +12,13 @@ typedef struct correct_arguments {
 pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     correct_arguments a = {0};
-    bool helped = false;
     const pm_option table[] = {
-        {"--by", NULL, "FILE", NULL, &a.known, true, "better known fields of the same body"},
+        {"--by", NULL, "FILE", NULL, &a.known, true,
+         .help = "better known fields of the same body"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "use only these of the known trajectories, such as 0,3,6:9"},
-        {"--output", "-o", "FILE", NULL, &a.output, true, "write the corrected fields (HDF5)"},
+         .help = "use only these of the known trajectories, such as 0,3,6:9"},
+        {"--output", "-o", "FILE", NULL, &a.output, true,
+         .help = "write the corrected fields (HDF5)", .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train correct FIELDS --by FILE -o FILE [options]",
@@ -31,11 +32,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     // The fields are checked here, and corrected by the Python package.

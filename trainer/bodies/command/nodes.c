@@ -1,5 +1,5 @@
 // portmet-train nodes: writes fields of a body as trajectories of nodal values.
-#include <math.h>
+#include <inttypes.h>
 #include <stdio.h>
 
 #include "base/options.h"
@@ -7,22 +7,24 @@
 #include "bodies/solid/solid_nodes.h"
 
 typedef struct nodes_arguments {
-    const char *fields, *mesh, *temperature, *states, *trajectories, *output;
+    const char *fields, *mesh, *trajectories, *output;
 } nodes_arguments;
 
 pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     nodes_arguments a = {0};
-    bool helped = false;
+    double temperature = PM_DEFAULT_TEMPERATURE;
+    int64_t nstate = 0; // 0: all
     const pm_option table[] = {
-        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, "mesh to write (HDF5)"},
-        {"--temperature", NULL, "T", NULL, &a.temperature, false,
-         "K, at which dissipated energy becomes entropy (default: 300)"},
-        {"--states", NULL, "N", NULL, &a.states, false,
-         "write only the first N states of each trajectory"},
+        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, .help = "mesh to write (HDF5)"},
+        {"--temperature", NULL, "T", .positive = &temperature,
+         .help = "K, at which dissipated energy becomes entropy (default: 300)"},
+        {"--states", NULL, "N", .count = &nstate, .least = 1, .most = INT32_MAX,
+         .help = "write only the first N states of each trajectory"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
-        {"--output", "-o", "FILE", NULL, &a.output, true, "dataset to write (HDF5)"},
+         .help = "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
+        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
+         .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train nodes FIELDS --mesh FILE -o FILE [options]",
@@ -35,28 +37,19 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_arena arena = {0};
     pm_field *field = NULL;
     pm_dataset *nodes = NULL;
     pm_solid_data data;
-    double temperature = PM_DEFAULT_TEMPERATURE;
     pm_status status;
-    PM_TRY_DONE(a.temperature == NULL
-                    ? PM_OK
-                    : pm_options_positive("--temperature", a.temperature, &temperature));
     PM_TRY_DONE(pm_field_load(&field, a.fields));
-    double nstate = field->ntime;
-    PM_TRY_DONE(a.states == NULL ? PM_OK : pm_options_positive("--states", a.states, &nstate));
-    if (nstate != floor(nstate) || nstate > field->ntime) {
-        status = pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found \"%s\"",
-                         field->ntime, a.states);
+    nstate = nstate == 0 ? field->ntime : nstate;
+    if (nstate > field->ntime) {
+        status = pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found %" PRId64,
+                         field->ntime, nstate);
         goto done;
     }
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));

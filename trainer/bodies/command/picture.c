@@ -19,20 +19,22 @@ typedef struct picture_arguments {
 pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
     picture_arguments a = {.path = {NULL}};
-    bool helped = false;
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &a.output, true, "picture to write (PNG)"},
+        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "picture to write (PNG)",
+         .is_output = true},
         {"--beside", NULL, "LIST", NULL, &a.beside, false,
-         "fields of the same bodies, joined by commas, to draw in a scene below, as learned below "
-         "true"},
+         .help = "fields of the same bodies, joined by commas, to draw in a scene below, as "
+                 "learned below "
+                 "true"},
         {"--trajectory", NULL, "I[,J]", NULL, &a.trajectory, false,
-         "draw trajectory I, and J (default: I) of the fields of --beside, counted from 0 "
-         "(default: 0)"},
+         .help = "draw trajectory I, and J (default: I) of the fields of --beside, counted from 0 "
+                 "(default: 0)"},
         {"--time", NULL, "T", NULL, &a.time, false,
-         "s; draw the state nearest to it (default: the last)"},
+         .help = "s; draw the state nearest to it (default: the last)"},
         {"--error", NULL, NULL, &a.error, NULL, false,
-         "draw the difference of the stresses of two fields, or of those of --beside and FIELDs, "
-         "in a further panel"},
+         .help = "draw the difference of the stresses of two fields, or of those of --beside and "
+                 "FIELDs, "
+                 "in a further panel"},
     };
     const pm_options options = {
         .usage = "portmet-train picture FIELD [FIELD...] -o FILE [options]",
@@ -47,11 +49,7 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     const char **argument = calloc((size_t)argc + 1, sizeof *argument);
     if (argument == NULL) {
         return pm_fail(PM_ENOMEM, "picture: out of memory");

@@ -145,24 +145,25 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
     (void)stop;
     reconstruct_arguments a;
     memset(&a, 0, sizeof a);
-    bool helped = false;
     const pm_option table[] = {
         {"--basis", "-b", "FILE", NULL, &a.basis, false,
-         "the basis that `reduce` made; without it DATASET has nodal values"},
+         .help = "the basis that `reduce` made; without it DATASET has nodal values"},
         {"--body", NULL, "NAME", NULL, &a.body, false,
-         "reconstruct this body of an assembly, whose dataset `contact` wrote"},
+         .help = "reconstruct this body of an assembly, whose dataset `contact` wrote"},
         {"--contact", NULL, "CONFIG", NULL, &a.contact, false,
-         "add the stress that other bodies cause, placed as CONFIG says"},
+         .help = "add the stress that other bodies cause, placed as CONFIG says"},
         {"--weights", "-w", "DIR", NULL, &a.weights, false,
-         "the weights that `contact` wrote, which contain the stiffness of the contact"},
+         .help = "the weights that `contact` wrote, which contain the stiffness of the contact"},
         {"--truth", "-t", "FILE", NULL, &a.truth, false,
-         "fields to score against, which also contain the loads on the nodes (HDF5)"},
+         .help = "fields to score against, which also contain the loads on the nodes (HDF5)"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "the trajectories of the truth to which those of DATASET belong"},
+         .help = "the trajectories of the truth to which those of DATASET belong"},
         {"--trained", NULL, "LIST", NULL, &a.trained, false,
-         "report the errors of these trajectories separately, because training saw them"},
-        {"--plot", NULL, "DIR", NULL, &a.plot, false, "draw box plots of the errors (gnuplot)"},
-        {"--output", "-o", "FILE", NULL, &a.output, false, "write the fields (HDF5)"},
+         .help = "report the errors of these trajectories separately, because training saw them"},
+        {"--plot", NULL, "DIR", NULL, &a.plot, false,
+         .help = "draw box plots of the errors (gnuplot)"},
+        {"--output", "-o", "FILE", NULL, &a.output, false, .help = "write the fields (HDF5)",
+         .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train reconstruct DATASET {--basis FILE | --truth FILE} [options]",
@@ -181,11 +182,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     if (a.basis == NULL && a.truth == NULL) {
         return pm_fail(PM_EUSAGE, "reconstruct: nodal values need --truth, modes a --basis");
     }

@@ -69,15 +69,14 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
     (void)stop;
     reduce_arguments a;
     memset(&a, 0, sizeof a);
-    bool helped = false;
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a.data, true, "fields of the body (HDF5)"},
+        {"--data", "-d", "FILE", NULL, &a.data, true, .help = "fields of the body (HDF5)"},
         {"--basis", "-b", "FILE", NULL, &a.basis, false,
-         "project on this basis instead of making one as CONFIG says"},
+         .help = "project on this basis instead of making one as CONFIG says"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
+         .help = "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
         {"--output", "-o", "DIR", NULL, &a.output, true,
-         "write modes.h5 into DIR, and basis.h5 unless --basis is given"},
+         .help = "write modes.h5 into DIR, and basis.h5 unless --basis is given"},
     };
     const pm_options options = {
         .usage = "portmet-train reduce CONFIG --data FIELDS -o DIR [options]",
@@ -92,10 +91,7 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_yaml_document *document = NULL;

@@ -166,13 +166,15 @@ static pm_status plot_errors(int nscore, int count, const response *r, const cha
 
 pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t *stop) {
     respond_arguments a = {0};
-    bool helped = false;
     const pm_option table[] = {
-        {"--weights", "-w", "FILE", NULL, &a.weights, true, "weights that `solid` has written"},
+        {"--weights", "-w", "FILE", NULL, &a.weights, true,
+         .help = "weights that `solid` has written"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "only these, such as 0:20 (not including 20), 0,3,6:9, or 40: (to the last)"},
-        {"--plot", NULL, "DIR", NULL, &a.plot, false, "draw box plots of the errors (gnuplot)"},
-        {"--output", "-o", "FILE", NULL, &a.output, false, "fields to write (HDF5, with XDMF)"},
+         .help = "only these, such as 0:20 (not including 20), 0,3,6:9, or 40: (to the last)"},
+        {"--plot", NULL, "DIR", NULL, &a.plot, false,
+         .help = "draw box plots of the errors (gnuplot)"},
+        {"--output", "-o", "FILE", NULL, &a.output, false,
+         .help = "fields to write (HDF5, with XDMF)", .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train respond FIELDS --weights FILE [options]",
@@ -187,11 +189,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_field *field = NULL, *to = NULL;

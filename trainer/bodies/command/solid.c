@@ -1,6 +1,5 @@
 // portmet-train solid: learns the material of a body from its fields.
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -14,19 +13,8 @@
 
 typedef struct solid_arguments {
     const char *path[MOST_FIELDS + 1]; // NULL after the last
-    const char *branches, *units, *iterations, *trajectories, *output;
+    const char *trajectories, *output;
 } solid_arguments;
-
-// Reads a whole number from 0 to `most`.
-static pm_status read_count(const char *name, const char *text, int most, int *count) {
-    char *end = NULL;
-    const long number = text == NULL ? *count : strtol(text, &end, 10);
-    if (text != NULL && (end == text || *end != '\0' || number < 0 || number > most)) {
-        return pm_fail(PM_EUSAGE, "%s: expected 0 to %d, found \"%s\"", name, most, text);
-    }
-    *count = (int)number;
-    return PM_OK;
-}
 
 static void print_score(void *context, int iteration, const double score[PM_SOLID_NSCORE]) {
     (void)context;
@@ -39,17 +27,18 @@ static void print_score(void *context, int iteration, const double score[PM_SOLI
 pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *stop) {
     solid_arguments a;
     memset(&a, 0, sizeof a);
-    bool helped = false;
+    int64_t nbranch = 2, nunit = 0, iterations = 12;
     const pm_option table[] = {
-        {"--branches", NULL, "N", NULL, &a.branches, false,
-         "relaxing branches of the material, 0 to 4 (default: 2)"},
-        {"--units", NULL, "N", NULL, &a.units, false,
-         "hidden units of each learned function, 0 to 16 (default: 0)"},
-        {"--iterations", NULL, "N", NULL, &a.iterations, false,
-         "the most iterations of each of the two stages (default: 12)"},
+        {"--branches", NULL, "N", .count = &nbranch, .most = PM_SOLID_MAX_BRANCHES,
+         .help = "relaxing branches of the material, 0 to 4 (default: 2)"},
+        {"--units", NULL, "N", .count = &nunit, .most = PM_SOLID_MAX_UNITS,
+         .help = "hidden units of each learned function, 0 to 16 (default: 0)"},
+        {"--iterations", NULL, "N", .count = &iterations, .most = 1000,
+         .help = "the most iterations of each of the two stages (default: 12)"},
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
-         "only these of each file, such as 0:3 (not including 3), or 0,3,6:9"},
-        {"--output", "-o", "FILE", NULL, &a.output, true, "weights to write (HDF5)"},
+         .help = "only these of each file, such as 0:3 (not including 3), or 0,3,6:9"},
+        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "weights to write (HDF5)",
+         .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train solid FIELD [FIELD...] -o FILE [options]",
@@ -64,11 +53,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
         .count = sizeof table / sizeof *table,
         .option = table,
     };
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", a.output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
     pm_options_line(argc, argv, command, sizeof command);
     pm_solid_data data[MOST_FIELDS];
@@ -79,15 +64,11 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
     const clock_t start = clock();
     pm_part part = {0};
     pm_status status;
-    pm_solid_fit_settings settings = {.spec = {2, 0, PM_DEFAULT_TEMPERATURE},
-                                      .iterations = 12,
+    pm_solid_fit_settings settings = {.spec = {(int)nbranch, (int)nunit, PM_DEFAULT_TEMPERATURE},
+                                      .iterations = (int)iterations,
                                       .data = data,
                                       .stop = stop,
                                       .tell = print_score};
-    PM_TRY_DONE(
-        read_count("--branches", a.branches, PM_SOLID_MAX_BRANCHES, &settings.spec.nbranch));
-    PM_TRY_DONE(read_count("--units", a.units, PM_SOLID_MAX_UNITS, &settings.spec.nunit));
-    PM_TRY_DONE(read_count("--iterations", a.iterations, 1000, &settings.iterations));
     for (int i = 0; a.path[i] != NULL; ++i) {
         PM_TRY_DONE(pm_field_load(&field[i], a.path[i]));
         PM_TRY_DONE(pm_solid_data_open(&data[i], field[i], &arena));

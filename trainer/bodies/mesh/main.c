@@ -10,14 +10,16 @@
 
 static pm_status run(int argc, char **argv) {
     const char *input = NULL, *output = NULL, *clamped = NULL;
-    bool split = false, helped = false;
+    bool split = false;
     const pm_option table[] = {
         {"--clamped", NULL, "NAME", NULL, &clamped, false,
-         "the physical group whose nodes do not move (default: clamped), or their plane, such as "
-         "x=0"},
+         .help = "the physical group whose nodes do not move (default: clamped), or their plane, "
+                 "such as "
+                 "x=0"},
         {"--split", NULL, NULL, &split, NULL, false,
-         "split tetrahedra, prisms and hexahedra into smaller hexahedra"},
-        {"--output", "-o", "FILE", NULL, &output, true, "mesh to write (HDF5)"},
+         .help = "split tetrahedra, prisms and hexahedra into smaller hexahedra"},
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "mesh to write (HDF5)",
+         .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-mesh FILE -o MESH [options]",
@@ -33,11 +35,7 @@ static pm_status run(int argc, char **argv) {
     };
     pm_arena arena = {0};
     pm_solid_mesh mesh;
-    PM_TRY(pm_options_read(&options, argc, argv, &helped));
-    PM_TRY(pm_options_output("--output", output));
-    if (helped) {
-        return PM_OK;
-    }
+    PM_TRY(pm_options_read(&options, argc, argv));
     pm_status status =
         pm_gmsh_read(&mesh, input, clamped == NULL ? "clamped" : clamped, split, &arena);
     if (status == PM_OK) {
