@@ -4,6 +4,7 @@
 #include "fit/training.h"
 
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,8 +19,6 @@
 #define DEFAULT_TRY_ITERATIONS 10
 #define MOST_WEIGHTS_OF_STARTS 3000
 
-#define LOSS_KEYS \
-    "residual", "integrator", "substeps", "unroll", "degeneracy", "balance", "robust", "scale"
 // The default weight of the energy balance. It is enough to leave minima in which energies are
 // wrong by far, where the error of the balance is of order 1 and those of the rates are of order
 // 0.01. Larger weights were better on some systems and worse where few trajectories were given.
@@ -110,7 +109,6 @@ static pm_status read_component(pm_training *t, pm_yaml root, pm_yaml mapping, i
 // Reads the number of random draws. By default there are several, if they differ and if a short fit
 // of each is affordable.
 static pm_status read_start(pm_training *t, pm_yaml block) {
-    static const char *const keys[] = {"tries", "iterations", NULL};
     size_t weights = 0;
     bool drawn = false; // whether random draws differ at all
     for (int i = 0; i < pm_system_components(t->system); ++i) {
@@ -122,17 +120,10 @@ static pm_status read_start(pm_training *t, pm_yaml block) {
     }
     t->tries = t->plain || !drawn || weights > MOST_WEIGHTS_OF_STARTS ? 1 : DEFAULT_TRIES;
     t->try_iterations = DEFAULT_TRY_ITERATIONS;
-    if (!pm_yaml_exists(block)) {
-        return PM_OK;
-    }
-    pm_yaml value;
-    PM_TRY(pm_yaml_allow(block, keys));
-    if (pm_yaml_exists(value = pm_yaml_get(block, "tries"))) {
-        PM_TRY(pm_yaml_int(value, 1, 1000, &t->tries));
-    }
-    return pm_yaml_exists(value = pm_yaml_get(block, "iterations"))
-               ? pm_yaml_int(value, 1, 10000, &t->try_iterations)
-               : PM_OK;
+    const pm_yaml_key keys[] = {{PM_YAML_INT("tries", &t->tries, 1, 1000)},
+                                {PM_YAML_INT("iterations", &t->try_iterations, 1, 10000)},
+                                {0}};
+    return pm_yaml_read(block, &t->arena, keys);
 }
 
 // --- the loss ---
@@ -191,94 +182,85 @@ static pm_status read_scale(pm_yaml map, pm_training *t, const double **result) 
     return PM_OK;
 }
 
-// Reads the keys of the loss from a block. Settings without a key keep their value.
-static pm_status read_loss(pm_yaml block, pm_training *t, pm_loss *loss, int *unroll) {
-    pm_arena *arena = &t->arena;
-    static const char *const residuals[] = {"step", "derivative", NULL};
-    pm_yaml value;
-    if (pm_yaml_exists(value = pm_yaml_get(block, "residual"))) {
-        int choice = 0;
-        PM_TRY(pm_yaml_choice(value, residuals, &choice));
-        loss->residual = (pm_residual)choice;
+// The values of the keys of a loss, which stand alone or among the other keys of a stage. Settings
+// without a key keep their value.
+typedef struct loss_values {
+    int residual;
+    pm_yaml integrator, scale;
+} loss_values;
+
+static const char *const residual_names[] = {"step", "derivative",
+                                             NULL}; // in the order of pm_residual
+
+#define LOSS_KEYS(v, loss, unroll)                                                            \
+    {PM_YAML_CHOICE("residual", &(v).residual, residual_names)},                              \
+        {PM_YAML_VALUE("integrator", &(v).integrator)}, {PM_YAML_VALUE("scale", &(v).scale)}, \
+        {PM_YAML_INT("substeps", &(loss).substeps, 1, 1000)},                                 \
+        {PM_YAML_INT("unroll", &(unroll), 1, 1000)},                                          \
+        {PM_YAML_DOUBLE("degeneracy", &(loss).degeneracy, 0, 1e12)},                          \
+        {PM_YAML_DOUBLE("balance", &(loss).balance, 0, 1e6)}, {                               \
+        PM_YAML_DOUBLE("robust", &(loss).robust, 0, 1e6)                                      \
     }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "integrator"))) {
+
+// Reads what these values hold.
+static pm_status read_loss(const loss_values *v, pm_training *t, pm_loss *loss) {
+    loss->residual = (pm_residual)v->residual;
+    if (pm_yaml_exists(v->integrator)) {
         const char *name = NULL;
-        PM_TRY(pm_yaml_text(value, arena, &name));
+        PM_TRY(pm_yaml_text(v->integrator, &t->arena, &name));
         const pm_integrator *found = pm_integrator_find(name);
         if (found == NULL) {
-            return pm_yaml_fail(value, "unknown integrator \"%s\", expected one of: %s", name,
-                                pm_integrator_names());
+            return pm_yaml_fail(v->integrator, "unknown integrator \"%s\", expected one of: %s",
+                                name, pm_integrator_names());
         }
         loss->integrator = found;
-        PM_TRY(pm_system_check_integrator(t->system, found, pm_yaml_where(value, arena)));
+        PM_TRY(
+            pm_system_check_integrator(t->system, found, pm_yaml_where(v->integrator, &t->arena)));
     }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "substeps"))) {
-        PM_TRY(pm_yaml_int(value, 1, 1000, &loss->substeps));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "unroll"))) {
-        PM_TRY(pm_yaml_int(value, 1, 1000, unroll));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "degeneracy"))) {
-        PM_TRY(pm_yaml_double(value, 0, 1e12, &loss->degeneracy));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "balance"))) {
-        PM_TRY(pm_yaml_double(value, 0, 1e6, &loss->balance));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "robust"))) {
-        PM_TRY(pm_yaml_double(value, 0, 1e6, &loss->robust));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "scale"))) {
-        PM_TRY(read_scale(value, t, &loss->scale));
-    }
-    return PM_OK;
+    return pm_yaml_exists(v->scale) ? read_scale(v->scale, t, &loss->scale) : PM_OK;
 }
 
 // --- the stages ---
 
 static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
-    static const char *const keys[] = {"optimiser", "iterations", "batch",   "rate", "beta2",
-                                       "decay",     "memory",     LOSS_KEYS, NULL};
-    PM_TRY(pm_yaml_allow(block, keys));
-    pm_yaml value;
+    pm_schedule *schedule = &stage->schedule;
+    loss_values v = {.residual = (int)stage->loss.residual};
+    pm_yaml optimiser, rates;
+    *schedule = (pm_schedule){.batch = 256,
+                              .first_rate = 1e-3,
+                              .last_rate = 1e-3,
+                              .beta2 = 0.999,
+                              .memory = 30,
+                              .guarded = !t->plain};
+    const pm_yaml_key keys[] = {
+        {PM_YAML_VALUE("optimiser", &optimiser), .required = true},
+        {PM_YAML_INT("iterations", &schedule->iterations, 1, 100000000), .required = true},
+        {PM_YAML_INT("batch", &schedule->batch, 1, 1000000)},
+        {PM_YAML_VALUE("rate", &rates)},
+        {PM_YAML_DOUBLE("beta2", &schedule->beta2, 0, 0.999999)},
+        {PM_YAML_DOUBLE("decay", &schedule->decay, 0, 1000)},
+        {PM_YAML_INT("memory", &schedule->memory, 1, 1000)},
+        LOSS_KEYS(v, stage->loss, stage->unroll),
+        {0}};
     const char *name = NULL;
-    PM_TRY(pm_yaml_require(block, "optimiser", &value));
-    PM_TRY(pm_yaml_text(value, &t->arena, &name));
+    PM_TRY(pm_yaml_read(block, &t->arena, keys));
+    PM_TRY(pm_yaml_text(optimiser, &t->arena, &name));
     stage->optimiser = pm_optimiser_find(name);
     if (stage->optimiser == NULL) {
-        return pm_yaml_fail(value, "unknown optimiser \"%s\", expected one of: %s", name,
+        return pm_yaml_fail(optimiser, "unknown optimiser \"%s\", expected one of: %s", name,
                             pm_optimiser_names());
     }
-    stage->schedule = (pm_schedule){.batch = 256,
-                                    .first_rate = 1e-3,
-                                    .last_rate = 1e-3,
-                                    .beta2 = 0.999,
-                                    .memory = 30,
-                                    .guarded = !t->plain};
-    PM_TRY(pm_yaml_require(block, "iterations", &value));
-    PM_TRY(pm_yaml_int(value, 1, 100000000, &stage->schedule.iterations));
-    if (pm_yaml_exists(value = pm_yaml_get(block, "batch"))) {
-        PM_TRY(pm_yaml_int(value, 1, 1000000, &stage->schedule.batch));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "memory"))) {
-        PM_TRY(pm_yaml_int(value, 1, 1000, &stage->schedule.memory));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "beta2"))) {
-        PM_TRY(pm_yaml_double(value, 0, 0.999999, &stage->schedule.beta2));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "decay"))) {
-        PM_TRY(pm_yaml_double(value, 0, 1000, &stage->schedule.decay));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(block, "rate"))) {
+    if (pm_yaml_exists(rates)) {
         int count = 0;
         double *rate = NULL;
-        PM_TRY(pm_yaml_doubles(value, &t->arena, &count, &rate));
+        PM_TRY(pm_yaml_doubles(rates, &t->arena, &count, &rate));
         if (count > 2 || rate[0] <= 0 || rate[count - 1] <= 0) {
-            return pm_yaml_fail(value, "expected one or two numbers > 0 (first and last)");
+            return pm_yaml_fail(rates, "expected one or two numbers > 0 (first and last)");
         }
-        stage->schedule.first_rate = rate[0];
-        stage->schedule.last_rate = rate[count - 1];
+        schedule->first_rate = rate[0];
+        schedule->last_rate = rate[count - 1];
     }
-    return read_loss(block, t, &stage->loss, &stage->unroll);
+    return read_loss(&v, t, &stage->loss);
 }
 
 static int batch_of(int residuals, int weights, int nz) {
@@ -304,20 +286,18 @@ static pm_stage *add_stage(pm_training *t, const pm_stage *common, const char *o
 }
 
 static pm_status read_stages(pm_training *t, pm_yaml root) {
-    static const char *const loss_keys[] = {LOSS_KEYS, NULL};
     pm_stage common = {.loss = {.residual = PM_RESIDUAL_STEP,
                                 .integrator = t->scene->physics.integrator,
                                 .substeps = t->scene->physics.substeps,
                                 .degeneracy = 1,
                                 .balance = t->plain ? 0 : BALANCE},
                        .unroll = 1};
-    const pm_yaml loss = pm_yaml_get(root, "loss");
+    loss_values v = {.residual = PM_RESIDUAL_STEP};
+    const pm_yaml_key loss_keys[] = {LOSS_KEYS(v, common.loss, common.unroll), {0}};
     PM_TRY(pm_system_check_integrator(t->system, common.loss.integrator,
                                       t->scene->physics.integrator_at));
-    if (pm_yaml_exists(loss)) {
-        PM_TRY(pm_yaml_allow(loss, loss_keys));
-        PM_TRY(read_loss(loss, t, &common.loss, &common.unroll));
-    }
+    PM_TRY(pm_yaml_read(pm_yaml_get(root, "loss"), &t->arena, loss_keys));
+    PM_TRY(read_loss(&v, t, &common.loss));
     pm_yaml stages = pm_yaml_get(root, "stages");
     if ((!t->plain || t->noisy) && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
         // Derivatives come first: they are cheap, and good weights are found from far away. Steps
@@ -361,9 +341,7 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
 // --- the file ---
 
 // Reads an optional text and its place.
-static pm_status read_placed(pm_training *t, pm_yaml block, const char *key, const char **text,
-                             const char **at) {
-    const pm_yaml value = pm_yaml_get(block, key);
+static pm_status read_placed(pm_training *t, pm_yaml value, const char **text, const char **at) {
     if (!pm_yaml_exists(value)) {
         return PM_OK;
     }
@@ -411,54 +389,52 @@ bool pm_training_is_measured(const pm_training *training) {
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {
-    static const char *const keys[] = {"scene",      "data",  "seed",  "models",
-                                       "subsystems", "ports", "loss",  "stages",
-                                       "defaults",   "start", "noise", NULL};
     static const char *const defaults[] = {"physical", "plain", NULL};
-    PM_TRY(pm_yaml_allow(root, keys));
-    pm_yaml value;
+    pm_yaml scene_at, block, parts, ports, stages, noise, starts;
+    int seed = 1, choice = 0;
+    const pm_yaml_key keys[] = {{PM_YAML_VALUE("scene", &scene_at), .required = true},
+                                {PM_YAML_VALUE("data", &block)},
+                                {PM_YAML_INT("seed", &seed, 0, INT_MAX)},
+                                {PM_YAML_VALUE("models", NULL)},
+                                {PM_YAML_VALUE("subsystems", &parts), .required = true},
+                                {PM_YAML_VALUE("ports", &ports)},
+                                {PM_YAML_VALUE("loss", NULL)},
+                                {PM_YAML_VALUE("stages", &stages)},
+                                {PM_YAML_CHOICE("defaults", &choice, defaults)},
+                                {PM_YAML_VALUE("start", &starts)},
+                                {PM_YAML_VALUE("noise", &noise)},
+                                {0}};
     const char *scene = NULL;
-    PM_TRY(pm_yaml_require(root, "scene", &value));
-    PM_TRY(pm_yaml_text(value, &t->arena, &scene));
+    PM_TRY(pm_yaml_read(root, &t->arena, keys));
+    t->seed = (uint64_t)seed;
+    t->plain = choice == 1;
+    PM_TRY(pm_yaml_text(scene_at, &t->arena, &scene));
     scene = resolve(t, scene);
     PM_TRY(pm_arena_status(&t->arena, "a training file"));
     // Loads the scene. Errors inside it name their place there; a missing file names the place of
     // its path.
     const pm_status loaded = pm_scene_load(&t->scene, scene);
     if (loaded == PM_EFILE) {
-        const char *where = pm_yaml_where(value, &t->arena);
+        const char *where = pm_yaml_where(scene_at, &t->arena);
         PM_TRY(pm_arena_status(&t->arena, "a training file"));
         return pm_fail(loaded, "%s: %s", where, pm_error());
     }
     PM_TRY(loaded);
     PM_TRY(pm_system_new(&t->system, t->scene));
-    int seed = 1;
-    if (pm_yaml_exists(value = pm_yaml_get(root, "seed"))) {
-        PM_TRY(pm_yaml_int(value, 0, 2147483647, &seed));
-    }
-    t->seed = (uint64_t)seed;
-    if (pm_yaml_exists(value = pm_yaml_get(root, "defaults"))) {
-        int choice = 0;
-        PM_TRY(pm_yaml_choice(value, defaults, &choice));
-        t->plain = choice == 1;
-    }
-    static const char *const data_keys[] = {"file",     "trajectories", "validation",
-                                            "data_set", "seconds",      NULL};
-    const pm_yaml block = pm_yaml_get(root, "data");
-    PM_TRY(pm_yaml_exists(block) ? pm_yaml_allow(block, data_keys) : PM_OK);
-    PM_TRY(read_placed(t, block, "file", &t->data, &t->data_at));
-    t->data = t->data == NULL ? NULL : resolve(t, t->data);
-    const char *unused = NULL;
-    const pm_yaml seconds = pm_yaml_get(block, "seconds");
+    pm_yaml file, training, validation;
     t->seconds = INFINITY;
-    PM_TRY(pm_yaml_exists(seconds) ? pm_yaml_double(seconds, DBL_MIN, INFINITY, &t->seconds)
-                                   : PM_OK);
-    PM_TRY(read_placed(t, block, "data_set", &t->data_set, &unused));
-    PM_TRY(read_placed(t, block, "trajectories", &t->trajectories, &t->trajectories_at));
-    PM_TRY(read_placed(t, block, "validation", &t->validation, &t->validation_at));
-    PM_TRY(read_noise(t, pm_yaml_get(root, "noise")));
-    pm_yaml parts = {0}, ports = pm_yaml_get(root, "ports");
-    PM_TRY(pm_yaml_require(root, "subsystems", &parts));
+    const pm_yaml_key data_keys[] = {{PM_YAML_VALUE("file", &file)},
+                                     {PM_YAML_VALUE("trajectories", &training)},
+                                     {PM_YAML_VALUE("validation", &validation)},
+                                     {PM_YAML_TEXT("data_set", &t->data_set)},
+                                     {PM_YAML_DOUBLE("seconds", &t->seconds, DBL_MIN, INFINITY)},
+                                     {0}};
+    PM_TRY(pm_yaml_read(block, &t->arena, data_keys));
+    PM_TRY(read_placed(t, file, &t->data, &t->data_at));
+    t->data = t->data == NULL ? NULL : resolve(t, t->data);
+    PM_TRY(read_placed(t, training, &t->trajectories, &t->trajectories_at));
+    PM_TRY(read_placed(t, validation, &t->validation, &t->validation_at));
+    PM_TRY(read_noise(t, noise));
     PM_TRY(check_names(parts, "subsystem", t->scene, pm_scene_find_subsystem, &t->arena));
     PM_TRY(check_names(ports, "port", t->scene, pm_scene_find_port, &t->arena));
     for (int i = 0; i < pm_system_components(t->system); ++i) {
@@ -468,12 +444,11 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     pm_trained_share(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(read_stages(t, root));
-    value = pm_yaml_get(root, "stages");
-    if (pm_training_is_measured(t) && pm_yaml_exists(value) && !pm_yaml_is_text(value, "auto")) {
-        return pm_yaml_fail(value, "a fit to measurements has no stages (noise, hidden groups or "
-                                   "observations make it one)");
+    if (pm_training_is_measured(t) && pm_yaml_exists(stages) && !pm_yaml_is_text(stages, "auto")) {
+        return pm_yaml_fail(stages, "a fit to measurements has no stages (noise, hidden groups or "
+                                    "observations make it one)");
     }
-    PM_TRY(read_start(t, pm_yaml_get(root, "start")));
+    PM_TRY(read_start(t, starts));
     uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)t->seed);
     digest = pm_digest_integer(digest, t->plain);
     digest = pm_digest_integer(digest, t->tries);

@@ -85,12 +85,6 @@ static void follow(void *environment, double time, bool set_requested, bool get_
                    bool finished, bool may_return, bool *wants_return, double *return_time) {
     component *c = environment;
     double *u = c->of->now.scene.u;
-    (void)set_requested;
-    (void)get_allowed;
-    (void)finished;
-    (void)may_return;
-    (void)wants_return;
-    (void)return_time;
     for (int i = 0; i < INPUTS; ++i) {
         double term = 1;
         u[i] = c->begin[i];
@@ -134,10 +128,6 @@ void fmi2FreeInstance(fmi2Component c) {
 
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance,
                                fmi2Real start, fmi2Boolean has_stop, fmi2Real stop) {
-    (void)has_tolerance;
-    (void)tolerance;
-    (void)has_stop;
-    (void)stop;
     ((component *)c)->start = start;
     return fmi2OK;
 }
@@ -174,14 +164,10 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n,
 
 #define NONE(NAME, T)                                                                          \
     fmi2Status fmi2Get##NAME(fmi2Component c, const fmi2ValueReference r[], size_t n, T v[]) { \
-        (void)r;                                                                               \
-        (void)v;                                                                               \
         return n == 0 ? fmi2OK : refuse2(c, "fmi2Get" #NAME ": all variables are Real");       \
     }                                                                                          \
     fmi2Status fmi2Set##NAME(fmi2Component c, const fmi2ValueReference r[], size_t n,          \
                              const T v[]) {                                                    \
-        (void)r;                                                                               \
-        (void)v;                                                                               \
         return n == 0 ? fmi2OK : refuse2(c, "fmi2Set" #NAME ": all variables are Real");       \
     }
 NONE(Integer, fmi2Integer)
@@ -231,7 +217,6 @@ fmi2Status fmi2EnterEventMode(fmi2Component c) {
 }
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info) {
-    (void)c;
     memset(info, 0, sizeof *info);
     return fmi2OK;
 }
@@ -242,8 +227,6 @@ fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c) {
 
 fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean final, fmi2Boolean *event,
                                        fmi2Boolean *terminate) {
-    (void)c;
-    (void) final;
     *event = *terminate = 0;
     return fmi2OK;
 }
@@ -315,9 +298,6 @@ fmi2Status fmi2CancelStep(fmi2Component c) {
 
 #define NO_STATUS(NAME, T)                                                           \
     fmi2Status fmi2Get##NAME(fmi2Component c, const fmi2StatusKind kind, T *value) { \
-        (void)c;                                                                     \
-        (void)kind;                                                                  \
-        (void)value;                                                                 \
         return fmi2Discard; /* steps are not asynchronous */                         \
     }
 NO_STATUS(Status, fmi2Status)

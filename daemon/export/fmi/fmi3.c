@@ -12,8 +12,11 @@
 
 #include "model.h"
 
-#if defined(__GNUC__) && !defined(FMI3_IS_HIDDEN)
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter" // of functions of a given interface
+#if !defined(FMI3_IS_HIDDEN)
 #pragma GCC visibility push(default)
+#endif
 #endif
 
 #define JOIN_(a, b) a##b
@@ -81,9 +84,6 @@ const char *fmi3GetVersion(void) {
 }
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance i, fmi3Boolean on, size_t n, const fmi3String names[]) {
-    (void)on;
-    (void)n;
-    (void)names;
     return i == NULL ? fmi3Error : fmi3OK;
 }
 
@@ -110,10 +110,6 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
                                           fmi3Boolean visible, fmi3Boolean logging,
                                           fmi3InstanceEnvironment environment,
                                           fmi3LogMessageCallback log) {
-    (void)name;
-    (void)resources;
-    (void)visible;
-    (void)logging;
     return make(token, environment, log);
 }
 
@@ -124,12 +120,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
                                          fmi3InstanceEnvironment environment,
                                          fmi3LogMessageCallback log,
                                          fmi3IntermediateUpdateCallback update) {
-    (void)name;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)early_return;
-    (void)intermediate;
     instance *m = make(token, environment, log);
     if (m != NULL) {
         m->co_simulation = true;
@@ -145,14 +135,6 @@ fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String 
                                   fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
                                   fmi3ClockUpdateCallback clock, fmi3LockPreemptionCallback lock,
                                   fmi3UnlockPreemptionCallback unlock) {
-    (void)name;
-    (void)token;
-    (void)resources;
-    (void)visible;
-    (void)logging;
-    (void)clock;
-    (void)lock;
-    (void)unlock;
     if (log != NULL) {
         log(environment, fmi3Error, "error", "the FMU has no clocks to schedule");
     }
@@ -166,10 +148,6 @@ void fmi3FreeInstance(fmi3Instance i) {
 fmi3Status fmi3EnterInitializationMode(fmi3Instance i, fmi3Boolean has_tolerance,
                                        fmi3Float64 tolerance, fmi3Float64 start,
                                        fmi3Boolean has_stop, fmi3Float64 stop) {
-    (void)has_tolerance;
-    (void)tolerance;
-    (void)has_stop;
-    (void)stop;
     if (!is_in(i, PHASE(INSTANTIATED))) {
         return refuse(i, "fmi3EnterInitializationMode: the FMU is initialized already");
     }
@@ -450,13 +428,11 @@ fmi3Status fmi3GetNumberOfEventIndicators(fmi3Instance i, size_t *n) {
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance i, fmi3Float64 values[], size_t n) {
-    (void)values;
     return i == NULL || n != 0 ? fmi3Error : fmi3OK;
 }
 
 fmi3Status fmi3CompletedIntegratorStep(fmi3Instance i, fmi3Boolean final, fmi3Boolean *event,
                                        fmi3Boolean *terminate) {
-    (void) final;
     *event = *terminate = false;
     return i == NULL ? fmi3Error : fmi3OK;
 }
@@ -507,7 +483,6 @@ fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 point, fmi3Float64 length, fmi
                       fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early,
                       fmi3Float64 *last) {
     instance *m = i;
-    (void) final;
     if (!is_in(i, PHASE(STEP))) {
         return refuse(i, "fmi3DoStep: the FMU is not in step mode");
     }

@@ -43,7 +43,6 @@ fmi3Status fmi3SetFMUState(fmi3Instance i, fmi3FMUState state) {
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance i, fmi3FMUState *state) {
-    (void)i;
     if (state != NULL) {
         free(*state);
         *state = NULL;
@@ -52,8 +51,6 @@ fmi3Status fmi3FreeFMUState(fmi3Instance i, fmi3FMUState *state) {
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance i, fmi3FMUState state, size_t *size) {
-    (void)i;
-    (void)state;
     *size = BYTES;
     return fmi3OK;
 }

@@ -5,14 +5,10 @@
 #define TYPE(NAME, T)                                                                             \
     fmi3Status fmi3Get##NAME(fmi3Instance i, const fmi3ValueReference r[], size_t n, T v[],       \
                              size_t m) {                                                          \
-        (void)r;                                                                                  \
-        (void)v;                                                                                  \
         return n + m == 0 ? fmi3OK : refuse(i, "fmi3Get" #NAME ": all variables are Float64");    \
     }                                                                                             \
     fmi3Status fmi3Set##NAME(fmi3Instance i, const fmi3ValueReference r[], size_t n, const T v[], \
                              size_t m) {                                                          \
-        (void)r;                                                                                  \
-        (void)v;                                                                                  \
         return n + m == 0 ? fmi3OK : refuse(i, "fmi3Set" #NAME ": all variables are Float64");    \
     }
 TYPE(Float32, fmi3Float32)
@@ -29,17 +25,11 @@ TYPE(String, fmi3String)
 
 fmi3Status fmi3GetBinary(fmi3Instance i, const fmi3ValueReference r[], size_t n, size_t sizes[],
                          fmi3Binary v[], size_t m) {
-    (void)r;
-    (void)sizes;
-    (void)v;
     return n + m == 0 ? fmi3OK : refuse(i, "fmi3GetBinary: all variables are Float64");
 }
 
 fmi3Status fmi3SetBinary(fmi3Instance i, const fmi3ValueReference r[], size_t n,
                          const size_t sizes[], const fmi3Binary v[], size_t m) {
-    (void)r;
-    (void)sizes;
-    (void)v;
     return n + m == 0 ? fmi3OK : refuse(i, "fmi3SetBinary: all variables are Float64");
 }
 
@@ -50,15 +40,10 @@ static fmi3Status no_clock(fmi3Instance i, size_t n) {
 // A function of clocks with one or two arrays of values.
 #define CLOCK(NAME, T)                                                               \
     fmi3Status NAME(fmi3Instance i, const fmi3ValueReference r[], size_t n, T v[]) { \
-        (void)r;                                                                     \
-        (void)v;                                                                     \
         return no_clock(i, n);                                                       \
     }
 #define CLOCK2(NAME, T, U)                                                                  \
     fmi3Status NAME(fmi3Instance i, const fmi3ValueReference r[], size_t n, T v[], U w[]) { \
-        (void)r;                                                                            \
-        (void)v;                                                                            \
-        (void)w;                                                                            \
         return no_clock(i, n);                                                              \
     }
 CLOCK(fmi3GetClock, fmi3Clock)
@@ -74,24 +59,15 @@ CLOCK2(fmi3SetShiftFraction, const fmi3UInt64, const fmi3UInt64)
 fmi3Status fmi3GetIntervalFraction(fmi3Instance i, const fmi3ValueReference r[], size_t n,
                                    fmi3UInt64 counters[], fmi3UInt64 resolutions[],
                                    fmi3IntervalQualifier qualifiers[]) {
-    (void)r;
-    (void)counters;
-    (void)resolutions;
-    (void)qualifiers;
     return no_clock(i, n);
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance i, fmi3ValueReference clock, fmi3Float64 time) {
-    (void)clock;
-    (void)time;
     return no_clock(i, 1);
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance i, const fmi3ValueReference r[], size_t n,
                                     const fmi3Int32 orders[], fmi3Float64 v[], size_t m) {
-    (void)r;
-    (void)orders;
-    (void)v;
     return n + m == 0 ? fmi3OK : refuse(i, "the FMU has no derivatives of outputs by time");
 }
 
@@ -104,7 +80,6 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance i) {
 }
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance i, fmi3ValueReference r, size_t *n) {
-    (void)r;
     *n = 0;
     return refuse(i, "the dependencies stand in modelDescription.xml");
 }
@@ -112,11 +87,5 @@ fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance i, fmi3ValueReferenc
 fmi3Status fmi3GetVariableDependencies(fmi3Instance i, fmi3ValueReference r, size_t elements[],
                                        fmi3ValueReference independent[], size_t others[],
                                        fmi3DependencyKind kinds[], size_t n) {
-    (void)r;
-    (void)elements;
-    (void)independent;
-    (void)others;
-    (void)kinds;
-    (void)n;
     return refuse(i, "the dependencies stand in modelDescription.xml");
 }
