@@ -155,6 +155,25 @@ def tables():
     same("labview", z, [[[1.5, 2.5], [1.6, 2.6]]])
     check(names == ["U0", "U1"], f"labview: {names}")
 
+    # A "T" is no time where another column has one, whatever the stamps look like; hours may pass 24.
+    for what, texts, step in (
+            ("ISO", ("2024-01-31T23:59:59.500+01:00", "2024-01-31T23:00:00Z"), 0.5),
+            ("two digits", ("31.12.23 23:59:59", "01.01.24 00:00:00"), 1),
+            ("a month's name", ("31-Dec-2023 23:59:59", "01-Jan-2024 00:00:00"), 1),
+            ("hours", ("24:59:59.0", "125:00:00.0"), 100 * 3600 + 1),
+            ("numbers", ("0.5", "0.75"), 0.25)):
+        rows = "".join(f"{text},{20 + k}\n" for k, text in enumerate(texts))
+        z, t, names, units, _ = imported(what, write("stamps.csv", "elapsed,T [degC]\n" + rows))
+        same(what, z, [[[20], [21]]])
+        check(names == ["T"] and units == ["degC"] and abs(np.diff(t.ravel())[0] - step) < 1e-9, f"{what}: {names} {units} {t}")
+    ends = write("ends.csv", "t,x,y\n0,1,OVL,,,\n1,2,5,,,\n2,bad,6,,,\n")
+    z, _, names, _, _ = imported("commas at the end, words for what is missing", ends, "--missing", "ovl,-9,Bad", program=True)
+    same("commas at the end", z, [[[1, nan], [2, 5], [nan, 6]]])
+    refused("a word in a column of numbers", 5, 'found "OVL"', ends)
+    apart = write("apart.txt", "Time (s)  Motor speed (rpm)  i (A)\n0  1  2\n1  3  4\n")
+    _, _, names, units, _ = imported("names of several words", apart)
+    check(names == ["Motor_speed", "i"] and units == ["rpm", "A"], f"names of several words: {names} {units}")
+
     # --- several of them, of different lengths; one file with several runs; no times; a folder ---
     (folder / "runs").mkdir()
     for k, (first, rows) in enumerate(((0, 4), (100, 3))):

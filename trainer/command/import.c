@@ -22,8 +22,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
          .help = "the column with times, also as \"NAME [UNIT]\"; default: t, time or time stamps"},
         {"--dt", NULL, "SECONDS", NULL, &how.dt, false,
          .help = "the time between two rows, where no column has times"},
-        {"--missing", NULL, "NUMBERS", NULL, &how.missing, false,
-         .help = "numbers that stand for missing samples, such as -999 or -999,9999"},
+        {"--missing", NULL, "VALUES", NULL, &how.missing, false,
+         .help = "what stands for missing samples: numbers or words, such as -999,9999,OVL"},
         {"--runs", NULL, "NAME", NULL, &how.runs, false,
          .help =
              "the array of structs whose elements are the runs, or the column that numbers them"},

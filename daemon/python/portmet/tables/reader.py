@@ -152,11 +152,14 @@ def join(words):
     for name in ("--time", "--runs"):
         parser.add_argument(name)
     parser.add_argument("--dt", type=positive)
-    parser.add_argument("--missing", type=lambda words: [float(word) for word in words.split(",")])
+    parser.add_argument("--missing", default="")
     parser.add_argument("--types", action="append", default=[])
     parser.add_argument("--temporary", action="store_true", help="nobody asked for the dataset by its name")
     parser.add_argument("tables", nargs="+")
     how = parser.parse_args(words)
+    given = [word.strip() for word in how.missing.split(",") if word.strip()]
+    how.missing = [float(word) for word in given if text.NUMBER.fullmatch(word)]
+    text.set_missing(word for word in given if not text.NUMBER.fullmatch(word))
     runs, counts = [], numpy.zeros(3, dtype=int)
     for path in files_of(how.tables):
         found = read(path, how)

@@ -88,8 +88,12 @@ def find_time(run, given):
         same = [i for i, name in enumerate(run.names) if name == given]
         same = same or [i for i, name in enumerate(run.names) if name.lower() == given.lower()]
     else:
-        same = [i for wanted in TIME_NAMES for i, name in enumerate(run.names) if name.lower() == wanted]
-        same = same or [i for i, name in enumerate(run.names) if SUFFIXED.fullmatch(name) or name in run.stamps]
+        # A "T" with another unit, or beside another column with times, is a temperature.
+        may = [i for i, unit in enumerate(run.units) if not unit or unit in TIME_UNITS]
+        same = [i for i in may if run.names[i] in run.stamps and is_time_name(run.names[i])]
+        same += [i for wanted in TIME_NAMES for i in may if run.names[i].lower() == wanted and run.names[i] != "T"]
+        same += [i for i in may if SUFFIXED.fullmatch(run.names[i]) or run.names[i] in run.stamps]
+        same += [i for i in may if run.names[i] == "T"]
     if not same:
         raise Refused(DATA, f'{run.path}: there is no column "{given or "t"}" with times; name it with --time, or give '
                             f'the time between two rows with --dt; the columns are: {" ".join(run.names)[:255]}')

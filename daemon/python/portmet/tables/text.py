@@ -16,12 +16,22 @@ from table import BRACKETS, DATA, FILE, Refused, Run, is_time_name, say
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?")
 MISSING = ("nan", "-nan", "+nan", "na", "n/a", "#n/a", "n.a.", "null", "none", "nil", "-", "--", "---", "?", "*", "1.#qnan",
            "-1.#ind", "1.#ind", "nan(ind)", "-nan(ind)", "missing")
-IS_MISSING = frozenset(("", *MISSING))
-TOKENS = "|".join(re.escape(word) for word in sorted(MISSING, key=len, reverse=True))
+IS_MISSING, TOKENS = frozenset(), ""
 SEPARATORS = (",", ";", "\t", "|", None)  # None: blanks
 LOOKED_AT = 400  # lines at the beginning, and spread over the rest, by which the reader decides
 COMMENTS = ("#", "%", "//", "!")
 NUMBERS, STAMPS, DATES, CLOCKS, WORDS, EMPTY = "numbers", "stamps", "dates", "clocks", "words", "empty"
+
+
+def set_missing(more):
+    """Sets the words that stand for missing samples: the usual ones and `more`."""
+    global IS_MISSING, TOKENS
+    words = {*MISSING, *(word.lower() for word in more)}
+    IS_MISSING = frozenset(("", *words))
+    TOKENS = "|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
+
+
+set_missing(())
 
 
 def kind_of(text):
@@ -98,6 +108,9 @@ class Shape:
                     self.kinds = [self._vote([row[i] for row in alike]) for i in range(width)]
         if best[0] == 0:
             raise Refused(DATA, f"{path}: there is no line of numbers")
+        self.empty_end = 0  # places at the end of all lines that hold nothing, which a header may lack
+        while self.kinds[-1 - self.empty_end] == EMPTY:
+            self.empty_end += 1
 
     @staticmethod
     def _vote(kinds):
@@ -139,7 +152,10 @@ def find_header(path, shape, lines):
         if shape.fits(places):
             begin = begin if candidate else i
             break
-        near = abs(len(places) - shape.width) <= 1 and is_words(places)
+        if shape.separator is None and len(places) != shape.width:  # names of several words, two blanks or more apart
+            apart = re.split(r"\s{2,}|\t", line.strip())
+            places = apart if len(apart) == shape.width else places
+        near = -1 - shape.empty_end <= len(places) - shape.width <= 1 and is_words(places)
         block = block + [places] if near else []
         if near:
             candidate, begin = block, i + 1
@@ -159,8 +175,8 @@ def find_header(path, shape, lines):
         names, units = [""] + names, [""] + units
     if len(names) > shape.width and names[-1]:
         say(f'{path}: leaves out the name "{names[-1]}", below which there is nothing')
-    names = (names + [""])[:shape.width]
-    units = (units + [""])[:shape.width]
+    names = (names + [""] * shape.width)[:shape.width]
+    units = (units + [""] * shape.width)[:shape.width]
     if at + 1 < len(candidate):  # a line of units
         for i, unit in enumerate(candidate[at + 1][:shape.width]):
             units[i] = units[i] or unit.strip("[]()").strip()
@@ -208,9 +224,9 @@ def read(path):
     for i in left_out:
         example = next((text for _, row in body for text in [shape.split(row)[i]] if kind_of(text) == WORDS), "")
         say(f'{path}: leaves out column "{names[i]}", which holds no number but "{example[:40]}"')
-    empty = [i for i, kind in enumerate(shape.kinds) if kind == EMPTY and names[i]]
+    empty = [i for i, kind in enumerate(shape.kinds) if kind == EMPTY and run.names[i]]
     if empty and len(empty) < shape.width:
-        say(f'{path}: leaves out what holds nothing: {" ".join(names[i] for i in empty)}')
+        say(f'{path}: leaves out what holds nothing: {" ".join(run.names[i] for i in empty)}')
     run.keep_columns([i for i, kind in enumerate(shape.kinds) if kind in (NUMBERS, STAMPS)])
     return run
 
