@@ -283,4 +283,45 @@ expect 4 'cannot be read' import "$folder/missing.csv" -o "$folder/no.h5"
 sed -i 's/{angle: 0.005}/{angel: 0.005}/' "$folder/training.yaml"
 expect 3 'the scene measures no column "angel"' fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
 
+# A pendulum with a cubic brake, whose momentum is guessed so large that no step from there can be integrated: other
+# starts are drawn.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); q = 0.5 + rand(); print "t [s],q [rad]"
+        for (k = 0; k < 100; k++) {
+            printf "%.3f,%.5f\n", 0.05*k, q + 0.003*sqrt(-2*log(1 - rand()))*cos(6.2831853*rand())
+            for (j = 0; j < 100; j++) { v += 0.0005*(-9*sin(q) - 0.2*v^3); q += 0.0005*v }
+        }
+    }' >"$folder/brake_$i.csv"
+done
+succeed "wrote" import "$folder"/brake_?.csv -o "$folder/brake.h5"
+cat >"$folder/brake.yaml" <<'END'
+scene: brake
+time: {dt: 0.05, steps: 100, integrator: rk4}
+subsystems:
+  arm:
+    weights: arm.h5
+    state:
+      q: {unit: rad, columns: [q]}
+      p: {unit: kg m^2/s, hidden: {guess: 40, deviation: 30.0}}
+      s: {unit: J/K, hidden: {deviation: 0.1}}
+END
+cat >"$folder/braked.yaml" <<'END'
+scene: brake.yaml
+noise: estimated
+models:
+  arm:
+    constants:
+      stiffness: {learned: 5.0, positive: true}
+      cubic: {learned: 0.3, positive: true}
+    energy: ["p^2/2 - stiffness*cos(q)", "300*s"]
+    entropy: {given: s}
+    reversible: {given: [[q, p, 1.0]]}
+    irreversible: {given: [[p, s, "cubic*p^2*dE.s"]]}
+subsystems: {arm: arm}
+END
+succeed "Verdict: good" fit "$folder/braked.yaml" --data "$folder/brake.h5" -o "$folder/braked"
+grep -qE "arm.cubic = 0.(19|20)" "$folder/out" || fail "fit: expected a brake of 0.2"
+succeed "Laws: " evaluate "$folder/brake.yaml" --weights "$folder/braked" --data "$folder/brake.h5" --estimate 1
+
 finish

@@ -179,7 +179,7 @@ static pm_status load(pm_fit *f) {
     PM_TRY(pm_observation_bind(&m->observation, f->training->system, m->data, &f->arena));
     const size_t ny = (size_t)m->observation.count;
     // Room for a point of the continuation, with the starts of the shortest windows.
-    m->nstart = m->data->ntrajectory * (m->data->ntime / PM_CONTINUATION_SHORTEST + 1) * (int)nz;
+    m->nstart = m->data->ntrajectory * (m->data->ntime / PM_CONTINUATION_LEAST + 1) * (int)nz;
     m->typical = pm_arena_array(&f->arena, nz, sizeof *m->typical);
     m->noise = pm_arena_array(&f->arena, ny, sizeof *m->noise);
     m->point_gap = pm_arena_array(&f->arena, 2 * nz, sizeof *m->point_gap);
@@ -452,7 +452,16 @@ static pm_status find_uncertainty(pm_fit *f, pm_shooting *s, bool final) {
                               .error = m->left_out,
                               .stop = f->stop};
     pm_status status;
-    PM_TRY_DONE(pm_uncertainty_make(&u, s));
+    for (int c = 0; c < s->ny; ++c) {
+        m->left_out[c] = NAN;
+    }
+    status = pm_uncertainty_make(&u, s);
+    if (status == PM_ENUMERIC) {
+        printf("there are no bands: %s\n", pm_error());
+        status = PM_OK;
+        goto done;
+    }
+    PM_TRY_DONE(status);
     // Few records are divided into pieces, so that there is something to leave out.
     const int pieces = (PIECES + ntrack - 1) / ntrack;
     int shortest = INT_MAX;

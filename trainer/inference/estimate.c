@@ -51,7 +51,19 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_un
             covariance[k * (nz + 1)] = 1;
         }
         if (!pm_cholesky_factor((int)nz, own)) {
-            return pm_fail(PM_ENUMERIC, "the first samples and the priors do not fix a start");
+            // Where the start cannot be followed through the first samples, it is as uncertain as
+            // a sample and the guess.
+            for (ptrdiff_t k = 0; k < nz; ++k) {
+                const double prior = s->terms.prior[k];
+                covariance[k * (nz + 1)] = prior * prior;
+            }
+            for (ptrdiff_t c = 0; c < e->ny; ++c) {
+                const ptrdiff_t k = s->observation->component[c];
+                if (k >= 0) {
+                    covariance[k * (nz + 1)] = u->independent[c] * u->independent[c];
+                }
+            }
+            continue;
         }
         pm_cholesky_back((int)nz, own, (int)nb, border);
         pm_cholesky_back((int)nz, own, (int)nz, covariance);

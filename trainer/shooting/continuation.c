@@ -9,7 +9,9 @@
 #include <time.h>
 
 #include "base/linalg.h"
+#include "base/rng.h"
 
+#define SHORTEST 4 // samples of the first windows, if they can be integrated
 // Gaps count like residuals of this many deviations of the noise at first.
 #define FIRST_GAP 3.0
 #define GAP_FALLS 0.3 // factor from point to point
@@ -35,10 +37,11 @@
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
 // relative noise of the measured ones.
 #define NORMAL_MEDIAN 1.4826022185056018
-// If the first windows cannot be integrated: how often substeps are doubled, and how often the
-// distance of the weights from their declared values is halved.
+// If the first windows cannot be integrated: how often substeps are doubled, how often the distance
+// of the weights from their declared values is halved, and how often other starts are drawn.
 #define MOST_FINER 5
 #define MOST_CALMER 8
+#define MOST_DRAWS 64
 
 // --- noise ---
 
@@ -189,7 +192,7 @@ static double growth(const pm_shooting *s) {
 
 int pm_continuation_first_length(const pm_shooting *s) {
     const int length = (2 * s->nz + s->ny - 1) / s->ny;
-    return length > PM_CONTINUATION_SHORTEST ? length : PM_CONTINUATION_SHORTEST;
+    return length > SHORTEST ? length : SHORTEST;
 }
 
 // A point in progress.
@@ -334,8 +337,30 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     return PM_OK;
 }
 
-// Makes the first windows integrable: with more substeps, or else with weights that are closer to
-// their declared values.
+// Draws the hidden components of the starts of all windows that cannot be integrated, about their
+// guess. Returns whether all windows can be integrated then.
+static bool draw_starts(pm_shooting *s) {
+    bool finite = false;
+    for (int i = 0; i < MOST_DRAWS && !finite && s->failed == PM_OK; ++i) {
+        for (int w = 0; w < s->nwindow; ++w) {
+            double *z = s->z + (ptrdiff_t)w * s->nz, sum = 0;
+            pm_rng rng;
+            pm_rng_init(&rng, (uint64_t)i, (uint64_t)w);
+            for (int c = 0; c < s->nz; ++c) {
+                sum += s->end[(ptrdiff_t)w * s->nz + c];
+            }
+            for (int c = 0; c < s->nz && !isfinite(sum); ++c) {
+                const double away = s->observation->deviation[c] * pm_rng_normal(&rng);
+                z[c] = s->observation->hidden[c] ? s->observation->guess[c] + away : z[c];
+            }
+        }
+        finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+    }
+    return finite;
+}
+
+// Makes the first windows integrable: with more substeps, with weights that are closer to their
+// declared values, or else with other starts.
 static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
     double *theta = malloc((size_t)s->nborder * sizeof *theta);
     if (theta == NULL) {
@@ -364,6 +389,7 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
         finite = isfinite(pm_shooting_evaluate(s, s->z, false));
     }
     free(theta);
+    finite = finite || draw_starts(s);
     PM_TRY(s->failed);
     return finite ? PM_OK
                   : pm_fail(PM_ENUMERIC, "the first windows of %d samples cannot be integrated",
@@ -386,7 +412,14 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
                                      .factor = FIRST_GAP};
         begin_stage(s, p->stage, substeps);
         PM_TRY(pm_shooting_divide(s, p->length));
-        PM_TRY(calm(s, p, substeps));
+        pm_status status = calm(s, p, substeps);
+        while (status == PM_ENUMERIC && p->length > PM_CONTINUATION_LEAST) {
+            p->length =
+                p->length / 2 > PM_CONTINUATION_LEAST ? p->length / 2 : PM_CONTINUATION_LEAST;
+            PM_TRY(pm_shooting_divide(s, p->length));
+            status = calm(s, p, substeps);
+        }
+        PM_TRY(status);
         PM_TRY(update_noise(s, continuation, false, NULL));
     }
     while (point.stage != PM_CONTINUATION_DONE) {

@@ -6,7 +6,7 @@
 
 #include "shooting/shooting.h"
 
-#define PM_CONTINUATION_SHORTEST 4 // samples of the first windows, at least
+#define PM_CONTINUATION_LEAST 2 // samples of the shortest windows
 // Before the last point residuals count as noise of at least this fraction of a deviation. Clean
 // data would otherwise demand of short windows what the weights cannot fulfil yet.
 #define PM_CONTINUATION_EARLY_NOISE 3e-3
@@ -52,8 +52,9 @@ typedef struct pm_continuation {
 // Returns the length of the first windows: twice as many samples as one needs to find a start.
 int pm_continuation_first_length(const pm_shooting *s);
 // Runs the continuation from its first point to its end. If the first windows cannot be integrated
-// it takes more substeps, or weights closer to their declared values. Windows that cannot be
-// integrated in double length stay as they are. *last, unless it is NULL, receives the last point.
+// it takes more substeps, weights closer to their declared values, other starts of hidden
+// components, and then shorter windows. Windows that cannot be integrated in double length stay as
+// they are. *last, unless it is NULL, receives the last point.
 // Fails as `keep` does. PM_EINTERRUPTED, PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation,
                               pm_continuation_point *last);
