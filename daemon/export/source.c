@@ -84,36 +84,22 @@ static void add_output(blueprint *b, const char *name, pm_node node, int size) {
         name, node == PM_NO_NODE ? PM_NO_NODE : pm_broadcast_to(b->g, node, shape), size, 0};
 }
 
-// Replaces each result y by its derivative along a direction of all inputs, sum_x dy/dx d_x.
-// Reverse accumulation gives s -> s^T dy/dx for any s; it is linear in s, so that its own
-// derivative by s along d_x is dy/dx d_x.
+// Replaces each result by its derivative along a direction of all inputs.
 static void take_tangent(blueprint *b, pm_arena *arena) {
-    pm_source_argument value[MOST_ARGUMENTS];
+    pm_source_argument input[MOST_ARGUMENTS];
+    pm_node value[MOST_ARGUMENTS], direction[MOST_ARGUMENTS];
     const int n = b->nin;
-    memcpy(value, b->input, (size_t)n * sizeof *value);
+    memcpy(input, b->input, (size_t)n * sizeof *input);
     b->nin = 0;
-    pm_node direction[MOST_ARGUMENTS];
     for (int i = 0; i < n; ++i) {
-        const char *name = pm_arena_printf(arena, "d_%s", value[i].name);
-        direction[i] =
-            value[i].node == PM_NO_NODE ? PM_NO_NODE : pm_input(b->g, true, 1, value[i].size);
-        add_input(b, value[i].name, value[i].node, value[i].size);
-        add_input(b, name, direction[i], value[i].size);
+        value[i] = input[i].node;
+        direction[i] = value[i] == PM_NO_NODE ? PM_NO_NODE : pm_input(b->g, true, 1, input[i].size);
+        add_input(b, input[i].name, value[i], input[i].size);
+        add_input(b, pm_arena_printf(arena, "d_%s", input[i].name), direction[i], input[i].size);
     }
     for (int k = 0; k < b->nout; ++k) {
-        pm_node sum = PM_NO_NODE;
-        for (int i = 0; i < n && b->output[k].node != PM_NO_NODE; ++i) {
-            const pm_node seed = pm_input(b->g, true, 1, b->output[k].size);
-            pm_node slope = PM_NO_NODE, along = PM_NO_NODE;
-            if (value[i].node != PM_NO_NODE) {
-                pm_gradient(b->g, b->output[k].node, seed, 1, &value[i].node, &slope);
-            }
-            if (slope != PM_NO_NODE) {
-                pm_gradient(b->g, slope, direction[i], 1, &seed, &along);
-            }
-            sum = pm_add_or(b->g, sum, along);
-        }
-        b->output[k].node = sum;
+        pm_node *node = &b->output[k].node;
+        *node = *node == PM_NO_NODE ? PM_NO_NODE : pm_tangent(b->g, *node, n, value, direction);
     }
 }
 

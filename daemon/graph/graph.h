@@ -117,6 +117,10 @@ pm_node pm_scatter_add_rows(pm_graph *g, pm_node x, int rows, int count, const i
 // PM_NO_NODE where y does not depend on x[i]. The derivative with respect to a shared x[i] sums
 // over the batch.
 void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node *x, pm_node *dx);
+// Builds the derivative of y along directions: the sum over i < count of dy/dx[i] dx[i], in the
+// shape of y. dx[i] has the shape of x[i], or is PM_NO_NODE, which stands for zero, as it does in
+// x[i]. PM_NO_NODE: the derivative is zero.
+pm_node pm_tangent(pm_graph *g, pm_node y, int count, const pm_node *x, const pm_node *dx);
 
 // --- combinations of the above ---
 

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "base/lanes.h"
+#include "library/fleet_gradient.h"
 
 #define MOST_THREADS 256
 
@@ -112,6 +113,7 @@ void pm_fleet_close(pm_fleet *fleet) {
         pm_monolithic_close(fleet->worker[i].together.monolithic);
         pm_monolithic_close(fleet->worker[i].alone.monolithic);
     }
+    pm_fleet_gradient_close(fleet->gradient);
     pthread_mutex_destroy(&fleet->lock);
     pm_arena_free(&fleet->arena);
 }
@@ -189,27 +191,25 @@ static void step_alone(pm_fleet_worker *w, int64_t copy) {
     }
 }
 
-static void *work(void *context) {
-    pm_fleet_worker *w = context;
-    pm_fleet *fleet = w->fleet;
-    for (int64_t i; (i = atomic_fetch_add(&fleet->next, 1)) < fleet->nblock;) {
-        const int64_t *copy = fleet->chosen + fleet->first[i];
-        const int64_t n = fleet->first[i + 1] - fleet->first[i];
-        pm_status status = n > 1 ? PM_OK : PM_ENUMERIC;
-        if (n > 1) {
-            load(&w->together, fleet, copy, n);
-        }
-        for (int64_t k = 0; k < fleet->steps && status == PM_OK; ++k) {
-            status = pm_monolithic_step(w->together.monolithic);
-        }
-        if (status == PM_OK) {
-            store(&w->together, fleet, copy, n, fleet->steps);
-        }
-        for (int64_t k = 0; k < n && status != PM_OK; ++k) { // some of them cannot take all steps
-            step_alone(w, copy[k]);
-        }
+// Takes the steps of a block of copies.
+static void step_block(void *context, int worker, int64_t block) {
+    pm_fleet *fleet = context;
+    pm_fleet_worker *w = &fleet->worker[worker];
+    const int64_t *copy = fleet->chosen + fleet->first[block];
+    const int64_t n = fleet->first[block + 1] - fleet->first[block];
+    pm_status status = n > 1 ? PM_OK : PM_ENUMERIC;
+    if (n > 1) {
+        load(&w->together, fleet, copy, n);
     }
-    return NULL;
+    for (int64_t k = 0; k < fleet->steps && status == PM_OK; ++k) {
+        status = pm_monolithic_step(w->together.monolithic);
+    }
+    if (status == PM_OK) {
+        store(&w->together, fleet, copy, n, fleet->steps);
+    }
+    for (int64_t k = 0; k < n && status != PM_OK; ++k) { // some of them cannot take all steps
+        step_alone(w, copy[k]);
+    }
 }
 
 void pm_fleet_step(pm_fleet *fleet, int64_t steps) {
@@ -230,9 +230,28 @@ void pm_fleet_step(pm_fleet *fleet, int64_t steps) {
     fleet->steps = steps;
     fleet->failed = fleet->count;
     fleet->why[0] = '\0';
+    pm_fleet_share(fleet, fleet->nblock, step_block, fleet);
+}
+
+// --- threads ---
+
+static void *work(void *context) {
+    const pm_fleet_worker *w = context;
+    pm_fleet *fleet = w->fleet;
+    for (int64_t i; (i = atomic_fetch_add(&fleet->next, 1)) < fleet->nshared;) {
+        fleet->work(fleet->context, (int)(w - fleet->worker), i);
+    }
+    return NULL;
+}
+
+void pm_fleet_share(pm_fleet *fleet, int64_t nblock,
+                    void (*work_on)(void *context, int worker, int64_t block), void *context) {
+    fleet->work = work_on;
+    fleet->context = context;
+    fleet->nshared = nblock;
     atomic_store(&fleet->next, 0);
     int started = 1;
-    while (started < fleet->nworker && started < fleet->nblock &&
+    while (started < fleet->nworker && started < nblock &&
            pthread_create(&fleet->worker[started].thread, NULL, work, &fleet->worker[started]) ==
                0) {
         ++started;

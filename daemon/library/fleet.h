@@ -18,6 +18,7 @@
 #include "sim/monolithic.h"
 
 typedef struct pm_fleet_worker pm_fleet_worker;
+struct pm_fleet_gradient;
 
 // The caller owns this storage, and may write to the arrays between two calls.
 typedef struct pm_fleet {
@@ -41,9 +42,14 @@ typedef struct pm_fleet {
     int64_t *chosen;         // [count] the copies that take the steps of a call
     int64_t *first;          // [count + 1] where each block begins among them
     int64_t nblock, steps;   // of the present call
-    atomic_llong next;       // block
     int64_t failed;          // the first copy that has ended in the present call
     pthread_mutex_t lock;    // protects `failed` and `why`
+    // The blocks that the workers share at present (pm_fleet_share).
+    void (*work)(void *context, int worker, int64_t block);
+    void *context;
+    int64_t nshared;
+    atomic_llong next;
+    struct pm_fleet_gradient *gradient; // of fleet_gradient.c; NULL: nobody has asked for one
 } pm_fleet;
 
 // Opens `count` copies of a completed setup, which is borrowed, at its initial state. `threads`
@@ -55,6 +61,11 @@ void pm_fleet_close(pm_fleet *fleet);
 // Takes `steps` steps, 0 or more, of every copy that has not ended. Never fails: a copy whose step
 // fails ends. A copy with a number that is not finite in z ends with PM_ENUMERIC.
 void pm_fleet_step(pm_fleet *fleet, int64_t steps);
+
+// Calls work(context, worker, block) for each of `nblock` blocks, in the threads of the fleet's
+// workers, and returns when all have ended.
+void pm_fleet_share(pm_fleet *fleet, int64_t nblock,
+                    void (*work)(void *context, int worker, int64_t block), void *context);
 
 // Return the numbers of a saved copy, and save to or restore from rows [n][pm_fleet_row] the copies
 // copy [n], or all if `copy` is NULL: state, steps, whether it has ended, and what its run

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/linalg.h"
-#include "library/fleet.h"
+#include "library/fleet_gradient.h"
 #include "library/local_run.h"
 #include "library/names.h"
 #include "library/remote_scene.h"
@@ -16,7 +16,9 @@ struct portmet_scene {
     pm_setup setup;
     pm_local_run run;
     pm_scene_variables variables;
-    double *input; // [nprescribed] held values, NaN: the scene's own
+    double *input;       // [nprescribed] held values, NaN: the scene's own
+    const char **weight; // [nweight] names of the matrices of weights
+    int nweight;
     double ledger[PORTMET_LEDGER_SIZE];
     pm_remote_scene *remote; // that other processes step; NULL: it is stepped here
     atomic_flag busy;        // a thread is changing the scene
@@ -64,6 +66,7 @@ static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights
     }
     s->setup.boundary_input.held = s->input;
     PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
+    PM_TRY(pm_fleet_weight_names(s->setup.system, &s->nweight, &s->weight, &s->setup.arena));
     PM_TRY(pm_local_run_open(&s->run, &s->setup, PM_LOCAL_UNDO));
     copy_ledger(s);
     return PM_OK;
@@ -422,6 +425,8 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
         return name_of(v->reaction.name, s->physics.nprescribed / 3, index);
     case PORTMET_REACTION_UNIT:
         return name_of(v->reaction.unit, s->physics.nprescribed / 3, index);
+    case PORTMET_WEIGHT:
+        return name_of(scene->weight, scene->nweight, index);
     default:
         return NULL;
     }
@@ -498,22 +503,19 @@ void *portmet_fleet_array(const portmet_fleet *fleet, int array) {
     return array < 0 || array > PORTMET_FLEET_ENDED ? NULL : arrays[array];
 }
 
-// Steps, saves or restores copies: rows NULL, `restore` false or true.
-static int change_fleet(portmet_fleet *fleet, int64_t count, bool restore, const int64_t *copy,
-                        double *rows) {
+// Begins and ends a call that changes a fleet, with a number of steps or copies.
+static pm_status enter_fleet(portmet_fleet *fleet, int64_t count) {
     pm_forget_error();
     if (count < 0) {
-        return (int)pm_fail(PM_EUSAGE, "%lld steps or copies: expected 0 or more",
-                            (long long)count);
+        return pm_fail(PM_EUSAGE, "%lld steps or copies: expected 0 or more", (long long)count);
     }
-    if (atomic_flag_test_and_set(&fleet->busy)) {
-        return (int)pm_fail(PM_EUSAGE, "another thread is using the copies");
-    }
-    pm_status status = PM_OK;
-    if (rows != NULL) {
-        status = pm_fleet_copy(&fleet->fleet, restore, count, copy, rows);
-    } else {
-        pm_fleet_step(&fleet->fleet, count);
+    return !atomic_flag_test_and_set(&fleet->busy)
+               ? PM_OK
+               : pm_fail(PM_EUSAGE, "another thread is using the copies");
+}
+
+static int leave_fleet(portmet_fleet *fleet, pm_status status) {
+    if (status == PM_OK) {
         pm_forget_error();
     }
     atomic_flag_clear(&fleet->busy);
@@ -521,7 +523,11 @@ static int change_fleet(portmet_fleet *fleet, int64_t count, bool restore, const
 }
 
 int portmet_fleet_step(portmet_fleet *fleet, int64_t count) {
-    return change_fleet(fleet, count, false, NULL, NULL);
+    if (enter_fleet(fleet, count) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    pm_fleet_step(&fleet->fleet, count);
+    return leave_fleet(fleet, PM_OK);
 }
 
 const char *portmet_fleet_failure(const portmet_fleet *fleet) {
@@ -533,10 +539,38 @@ size_t portmet_fleet_row(const portmet_fleet *fleet) {
 }
 
 int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows) {
-    return change_fleet(fleet, count, false, copy, rows);
+    if (enter_fleet(fleet, count) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave_fleet(fleet, pm_fleet_copy(&fleet->fleet, false, count, copy, rows));
 }
 
 int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,
                           const double *rows) {
-    return change_fleet(fleet, count, true, copy, (double *)rows);
+    if (enter_fleet(fleet, count) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave_fleet(fleet, pm_fleet_copy(&fleet->fleet, true, count, copy, (double *)rows));
+}
+
+int portmet_fleet_vjp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
+                      const double *inputs, const double *seed, double *by_start, double *by_inputs,
+                      double *by_weights) {
+    const pm_rollout rollout = {pieces, steps, start, inputs};
+    if (enter_fleet(fleet, 0) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave_fleet(
+        fleet, pm_fleet_vjp(&fleet->fleet, &rollout, seed, by_start, by_inputs, by_weights));
+}
+
+int portmet_fleet_jvp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
+                      const double *inputs, const double *d_start, const double *d_inputs,
+                      const double *d_weights, double *states, double *d_states) {
+    const pm_rollout rollout = {pieces, steps, start, inputs};
+    if (enter_fleet(fleet, 0) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave_fleet(fleet, pm_fleet_jvp(&fleet->fleet, &rollout, d_start, d_inputs, d_weights,
+                                           states, d_states));
 }

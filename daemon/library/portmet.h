@@ -189,7 +189,9 @@ enum portmet_kind {
     PORTMET_COENERGY_NAME = 10, /* of portmet_scene_efforts: "upper.dE/dp[0]" */
     PORTMET_COENERGY_UNIT = 11, /* "m/s" */
     PORTMET_REACTION = 12,      /* "hand.df/dt[0]" */
-    PORTMET_REACTION_UNIT = 13  /* "m/s" */
+    PORTMET_REACTION_UNIT = 13, /* "m/s" */
+    PORTMET_WEIGHT = 14         /* a matrix of weights, with its shape: "upper.energy.skip[1][6]",
+                                   "joint.constant.K[1][1]"; a positive constant is the logarithm */
 };
 
 /* Returns the name number `index`, from 0 on, which the scene owns. NULL: there are no more. */
@@ -254,6 +256,28 @@ size_t portmet_fleet_row(const portmet_fleet *fleet);
 int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows);
 int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,
                           const double *rows);
+
+/* Derivatives of rollouts. A rollout takes every copy, also those that have ended, from the states
+ * start [N][variables] (NULL: the present ones) through `pieces` times `steps` steps, from the time
+ * that `portmet_fleet_array` says. In each piece the inputs inputs [pieces][N][inputs] hold, NULL:
+ * always those of the fleet. The fleet stays as it is. W is the number of weights: all numbers of
+ * the matrices of PORTMET_WEIGHT, one after the other.
+ *
+ * portmet_fleet_vjp computes the gradient of the sum of `seed` times the states at the ends of all
+ * pieces, both [pieces][N][variables], for each copy: by_start [N][variables], by_inputs
+ * [pieces][N][inputs] and by_weights [N][W]; the last two may be NULL. An input that is NaN counts
+ * as a shift of the scene's own value. portmet_fleet_jvp computes these states and their
+ * derivatives d_states along directions d_start, d_inputs and d_weights, of the shapes above; NULL:
+ * zero. A copy that leaves what its scene can be stepped from has derivatives that are not finite.
+ *
+ * PORTMET_ECONFIG: the scene's integrator is none of euler, heun, rk4 and rk6, or it has a
+ * tolerance. PORTMET_EUSAGE: there are no steps. */
+int portmet_fleet_vjp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
+                      const double *inputs, const double *seed, double *by_start, double *by_inputs,
+                      double *by_weights);
+int portmet_fleet_jvp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
+                      const double *inputs, const double *d_start, const double *d_inputs,
+                      const double *d_weights, double *states, double *d_states);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

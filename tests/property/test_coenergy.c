@@ -12,10 +12,10 @@
 
 #include "base/linalg.h"
 #include "graph/program.h"
-#include "loss/step_graph.h"
 #include "model/part.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
+#include "sim/step_graph.h"
 #include "tests/support/divided.h"
 #include "tests/support/random_system.h"
 

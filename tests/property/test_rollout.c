@@ -12,8 +12,8 @@
 
 #include "fit/normalization.h"
 #include "graph/program.h"
-#include "loss/step_graph.h"
 #include "sim/monolithic.h"
+#include "sim/step_graph.h"
 #include "tests/support/random_system.h"
 
 #define NZ 10

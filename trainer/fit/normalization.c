@@ -8,8 +8,8 @@
 
 #include "data/magnitudes.h"
 #include "graph/program.h"
-#include "loss/step_graph.h"
 #include "model/training_range.h"
+#include "sim/step_graph.h"
 
 #define MAX_SETS 256
 // A feature that varies by less than this fraction of its mean counts as constant and gets

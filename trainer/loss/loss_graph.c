@@ -5,7 +5,7 @@
 #include <math.h>
 
 #include "data/magnitudes.h"
-#include "loss/step_graph.h"
+#include "sim/step_graph.h"
 
 // A variable at rest counts as if it changed by this fraction of its typical change, so that the
 // balance of a system at rest does not consist of rounding errors.

@@ -8,7 +8,7 @@
 #include "base/linalg.h"
 #include "data/trained.h"
 #include "graph/program.h"
-#include "loss/step_graph.h"
+#include "sim/step_graph.h"
 
 // A program with one output vector and its Jacobian.
 typedef struct jacobian {

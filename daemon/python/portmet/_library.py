@@ -11,7 +11,7 @@ from . import _places
 # The arrays and names of portmet.h, by their numbers there.
 STATE, ENERGY, ENTROPY, BULK_ENERGY, BULK_ENTROPY, FLUX, LEDGER = range(7)
 (SUBSYSTEM, VARIABLE, VARIABLE_UNIT, PORT, PORT_A, PORT_B, INPUT, INPUT_UNIT, REFERENCE,
- SCENE, COENERGY, COENERGY_UNIT, REACTION, REACTION_UNIT) = range(14)
+ SCENE, COENERGY, COENERGY_UNIT, REACTION, REACTION_UNIT, WEIGHT) = range(15)
 
 
 class Error(RuntimeError):
@@ -78,6 +78,8 @@ def _load() -> typing.Any:
         "portmet_fleet_row": (ctypes.c_size_t, [scene]),
         "portmet_fleet_save": (ctypes.c_int, [scene, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]),
         "portmet_fleet_restore": (ctypes.c_int, [scene, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]),
+        "portmet_fleet_vjp": (ctypes.c_int, [scene] + 2 * [ctypes.c_int64] + 6 * [ctypes.c_void_p]),
+        "portmet_fleet_jvp": (ctypes.c_int, [scene] + 2 * [ctypes.c_int64] + 7 * [ctypes.c_void_p]),
     }
     for name, (result, arguments) in signatures.items():
         function = getattr(library, name)

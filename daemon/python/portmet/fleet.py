@@ -1,5 +1,6 @@
 """Many copies of one scene, stepped together."""
 import ctypes
+import re
 import time
 
 import numpy
@@ -19,6 +20,10 @@ class _FleetHandle(_Handle):
 
     def __del__(self):
         c.library.portmet_fleet_close(self.pointer)
+
+
+def _address(array):
+    return None if array is None else array.ctypes.data
 
 
 class Fleet:
@@ -60,6 +65,76 @@ class Fleet:
                 return self
             took = time.monotonic() - begin
             self._piece = max(1, self._piece // 2) if took > 0.1 else self._piece * (2 if took < 0.05 else 1)
+
+    def rollout(self, inputs=None, steps=1, start=None, pieces=1):
+        """Returns the states [pieces, n, variables] at the ends of `pieces` times `steps` steps from
+        `start`, or from the present states, and leaves the copies as they are. `inputs` [pieces, n,
+        inputs] hold during a piece; they say how many there are. States of a copy that fails are NaN."""
+        pieces, inputs = self._pieces(inputs, pieces)
+        kept, held = self.save(), self.inputs.copy()
+        states = numpy.empty((pieces, *self.state.shape))
+        try:
+            if start is not None:
+                self.state[:] = start
+            for piece in range(pieces):
+                self.step(steps, None if inputs is None else inputs[piece])
+                states[piece] = numpy.where(self.ended[:, None] == 0, self.state, numpy.nan)
+        finally:
+            self.restore(kept)
+            self.inputs[:] = held
+        return states
+
+    def vjp(self, seed, inputs=None, steps=1, start=None, weights=False):
+        """Returns the gradient of the sum of `seed` [pieces, n, variables] times rollout(inputs,
+        steps, start), for each copy: by the start [n, variables], and by the inputs [pieces, n,
+        inputs]; with `weights` also by the scene's weights [n, weights], in the order of
+        weight_names. An input that is NaN counts as a shift of the scene's own value."""
+        seed = numpy.ascontiguousarray(seed, dtype=float)
+        pieces, inputs = self._pieces(inputs, len(seed) if seed.ndim == 3 else 1)
+        seed = self._row(seed, pieces, len(self.scene.variables))
+        start = self._row(start, None, len(self.scene.variables))
+        by = [numpy.empty(self.state.shape), numpy.empty((pieces, *self.inputs.shape))]
+        if weights:
+            by.append(numpy.empty((self.n, sum(map(len, self.weight_names.values())))))
+        c.check(c.library.portmet_fleet_vjp(self._handle.pointer, pieces, steps, _address(start), _address(inputs),
+                                            _address(seed), *map(_address, by), *([] if weights else [None])))
+        return tuple(by)
+
+    def jvp(self, d_start=None, d_inputs=None, d_weights=None, *, inputs=None, steps=1, start=None, pieces=1):
+        """Returns the states of rollout(inputs, steps, start, pieces), and their derivatives, of the
+        same shape, along directions of start, inputs and weights, in the shapes of vjp."""
+        pieces, inputs = self._pieces(inputs, pieces)
+        size, names = len(self.scene.variables), self.weight_names if d_weights is not None else {}
+        given = (self._row(start, None, size), inputs, self._row(d_start, None, size),
+                 self._row(d_inputs, pieces, self.inputs.shape[1]),
+                 self._row(d_weights, None, sum(map(len, names.values()))))
+        states, tangents = numpy.empty((2, pieces, *self.state.shape))
+        c.check(c.library.portmet_fleet_jvp(self._handle.pointer, pieces, steps, *map(_address, given),
+                                            _address(states), _address(tangents)))
+        return states, tangents
+
+    @property
+    def weight_names(self):
+        """Where each matrix of weights, such as "joint.constant.K", is among all weights: a range."""
+        result, first = {}, 0
+        for text in self._handle.scene.names(c.WEIGHT):
+            name, rows, columns = re.fullmatch(r"(.*)\[(\d+)\]\[(\d+)\]", text).groups()
+            result[name] = range(first, first + int(rows) * int(columns))
+            first = result[name].stop
+        return result
+
+    def _pieces(self, inputs, pieces):
+        """Returns the number of pieces, and the inputs [pieces, n, inputs], or None."""
+        if inputs is None:
+            return pieces, None
+        inputs = numpy.asarray(inputs, dtype=float)
+        pieces = len(inputs) if inputs.ndim == 3 else pieces
+        return pieces, self._row(inputs, pieces, self.inputs.shape[1])
+
+    def _row(self, values, pieces, columns):
+        """Returns numbers as an array [n, columns], or [pieces, n, columns]; None stays None."""
+        shape = (self.n, columns) if pieces is None else (pieces, self.n, columns)
+        return None if values is None else numpy.ascontiguousarray(numpy.broadcast_to(values, shape), dtype=float)
 
     def set_input(self, name, values):
         """Prescribes an input as Scene.set_input does; `values` are one number, or one for each copy."""

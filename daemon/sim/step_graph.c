@@ -1,5 +1,5 @@
 // The step of sim/step.c as graph expressions.
-#include "loss/step_graph.h"
+#include "sim/step_graph.h"
 
 void pm_build_coenergies(pm_graph *g, const pm_system *system, pm_state_nodes *state) {
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {

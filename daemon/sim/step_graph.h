@@ -1,7 +1,8 @@
-// One step of a whole system as a graph, for training. It evaluates the same model expressions and
-// the same Runge-Kutta tableau as the engine, batched over samples, and can be differentiated.
-#ifndef PM_TRAINER_LOSS_STEP_GRAPH_H
-#define PM_TRAINER_LOSS_STEP_GRAPH_H
+// The rates and one step of a whole system as a graph, for training and for gradients of rollouts.
+// It evaluates the same model expressions and the same Runge-Kutta tableau as the engine, batched
+// over samples, and can be differentiated.
+#ifndef PM_SIM_STEP_GRAPH_H
+#define PM_SIM_STEP_GRAPH_H
 
 #include "graph/graph.h"
 #include "scene/boundary_input.h"
