@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/lanes.h"
-#include "graph/program.h"
+#include "graph/compile.h"
 #include "sim/lanes.h"
 #include "sim/step_graph.h"
 
@@ -148,6 +148,7 @@ static pm_status open_program(const pm_fleet *fleet, pm_fleet_gradient *f, rates
     enum { Z, U, WEIGHTS };
     pm_arena scratch = {0};
     pm_graph *g = NULL;
+    pm_compiler *compiler = NULL;
     pm_status status;
     const size_t count = WEIGHTS + (size_t)nmatrix;
     pm_node *x = pm_arena_array(&scratch, count, sizeof *x);
@@ -198,6 +199,11 @@ static pm_status open_program(const pm_fleet *fleet, pm_fleet_gradient *f, rates
     add_output(output, &noutput, noutput == 0 ? k : PM_NO_NODE);
     PM_TRY_DONE(pm_program_open_lanes(&p->program, g, noutput, output, f->lanes));
     *served = p->program != NULL;
+    if (system->compiled) {
+        PM_TRY_DONE(pm_compiler_open(&compiler));
+        PM_TRY_DONE(pm_compiler_add(compiler, p->program, g));
+        PM_TRY_DONE(pm_compiler_link(compiler));
+    }
     if (*served) {
         p->z = pm_program_input(p->program, x[Z]);
         p->u = pm_program_input(p->program, x[U]);
@@ -216,6 +222,7 @@ static pm_status open_program(const pm_fleet *fleet, pm_fleet_gradient *f, rates
         pm_program_prepare(p->program);
     }
 done:
+    pm_compiler_close(compiler);
     pm_graph_close(g);
     pm_arena_free(&scratch);
     return status;

@@ -1,6 +1,7 @@
 // Copies of a scene (library/fleet.h) have the bits of runs alone: for any number of copies and
 // threads, for every kind of integrator, with inputs of their own, after copies that failed,
-// rested, or were saved and restored.
+// rested, or were saved and restored. Derivatives of their rollouts (library/fleet_gradient.h)
+// agree with differences and with each other, and do not depend on other copies.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,7 +14,7 @@
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "library/fleet.h"
+#include "library/fleet_gradient.h"
 #include "library/local_run.h"
 #include "tests/support/row_of_bodies.h"
 
@@ -170,6 +171,239 @@ static void saved_copies_go_on(void **state) {
     }
 }
 
+// --- derivatives ---
+
+// A rollout of a fleet with random inputs, seeds and directions, and its derivatives.
+typedef struct derived {
+    int64_t count;
+    int ninput, nweight;
+    pm_rollout rollout;
+    double *input, *seed, *d_start, *d_input, *d_weight; // as in fleet_gradient.h
+    double *z, *dz, *by_start, *by_input, *by_weight;
+} derived;
+
+static double *some(int64_t n, uint64_t stream) {
+    double *x = calloc((size_t)n + 1, sizeof *x);
+    pm_rng rng;
+    assert_non_null(x);
+    pm_rng_init(&rng, 11, stream);
+    for (int64_t i = 0; i < n && stream > 0; ++i) {
+        x[i] = 0.1 * pm_rng_normal(&rng);
+    }
+    return x;
+}
+
+static void derive(derived *d, pm_fleet *fleet, int64_t pieces, int64_t steps) {
+    const pm_setup *setup = fleet->setup;
+    const int nz = setup->scene->physics.nz;
+    const int64_t n = fleet->count, states = pieces * n * nz;
+    d->count = n;
+    d->ninput = setup->scene->physics.nprescribed;
+    d->nweight = pm_fleet_weights(setup->system);
+    const int64_t inputs = pieces * n * d->ninput;
+    d->input = some(inputs, 1);
+    d->seed = some(states, 2);
+    d->d_start = some(n * nz, 3);
+    d->d_input = some(inputs, 4);
+    d->d_weight = some(n * d->nweight, 5);
+    d->z = some(states, 0);
+    d->dz = some(states, 0);
+    d->by_start = some(n * nz, 0);
+    d->by_input = some(inputs, 0);
+    d->by_weight = some(n * d->nweight, 0);
+    d->rollout = (pm_rollout){pieces, steps, NULL, d->input};
+    const pm_status status[] = {
+        pm_fleet_jvp(fleet, &d->rollout, d->d_start, d->d_input, d->d_weight, d->z, d->dz),
+        pm_fleet_vjp(fleet, &d->rollout, d->seed, d->by_start, d->by_input, d->by_weight)};
+    if (status[0] != PM_OK || status[1] != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+static void forget(derived *d) {
+    double *all[] = {d->input, d->seed, d->d_start,  d->d_input,  d->d_weight,
+                     d->z,     d->dz,   d->by_start, d->by_input, d->by_weight};
+    for (size_t i = 0; i < sizeof all / sizeof *all; ++i) {
+        free(all[i]);
+    }
+}
+
+static double product(int64_t n, const double *a, const double *b) {
+    double sum = 0;
+    for (int64_t i = 0; i < n; ++i) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+// The product of a seed with the tangent is that of its gradient with the direction.
+static void assert_adjoint(const derived *d, int nz, const char *what) {
+    const int64_t pieces = d->rollout.pieces;
+    const double forward = product(pieces * d->count * nz, d->seed, d->dz);
+    const double reverse = product(d->count * nz, d->by_start, d->d_start) +
+                           product(pieces * d->count * d->ninput, d->by_input, d->d_input) +
+                           product(d->count * d->nweight, d->by_weight, d->d_weight);
+    if (!(fabs(forward - reverse) <= 1e-10 * fabs(forward)) || forward == 0) {
+        fail_msg("%s: forward %.15g, reverse %.15g", what, forward, reverse);
+    }
+}
+
+// Steps a fleet through the rollout from starts and inputs moved by `by` along the directions.
+static void roll(pm_fleet *fleet, const derived *d, double by, double *z) {
+    const int nz = fleet->setup->scene->physics.nz;
+    const int64_t states = d->count * nz, inputs = d->count * d->ninput;
+    for (int64_t i = 0; i < states; ++i) {
+        fleet->z[i] += by * d->d_start[i];
+    }
+    for (int64_t p = 0; p < d->rollout.pieces; ++p) {
+        for (int64_t i = 0; i < inputs; ++i) {
+            fleet->input[i] = d->input[p * inputs + i] + by * d->d_input[p * inputs + i];
+        }
+        pm_fleet_step(fleet, d->rollout.steps);
+        assert_string_equal(fleet->why, "");
+        memcpy(z + p * states, fleet->z, (size_t)states * sizeof *z);
+    }
+}
+
+static void assert_differences(int64_t n, const double *dz, const double *plus, const double *minus,
+                               double by, const char *what) {
+    for (int64_t i = 0; i < n; ++i) {
+        const double difference = (plus[i] - minus[i]) / (2 * by);
+        if (!(fabs(dz[i] - difference) <= 1e-7 * (1 + fabs(difference)))) {
+            fail_msg("%s: number %d: %.12g, by differences %.12g", what, (int)i, dz[i], difference);
+        }
+    }
+}
+
+static void derivatives_are_those_of_the_steps(void **state) {
+    (void)state;
+    static const char *const explicit_methods[] = {
+        "integrator: rk4, substeps: 2", "integrator: euler", "integrator: heun, substeps: 3"};
+    const double by = 1e-4;
+    for (size_t m = 0; m < sizeof explicit_methods / sizeof *explicit_methods; ++m) {
+        pm_setup setup;
+        pm_fleet fleet, moved;
+        derived one, many;
+        const char *what = explicit_methods[m];
+        open_setup(&setup, what);
+        open_fleet(&fleet, &setup, 40, 3);
+        derive(&many, &fleet, 3, 2);
+        assert_adjoint(&many, NZ, what);
+        const int64_t n = 3 * 40 * NZ;
+        double *z[] = {some(n, 0), some(n, 0), some(n, 0)};
+        for (int k = -1; k <= 1; ++k) {
+            open_fleet(&moved, &setup, 40, 1);
+            roll(&moved, &many, k * by, z[k + 1]);
+            pm_fleet_close(&moved);
+        }
+        assert_memory_equal(many.z, z[1], (size_t)n * sizeof **z);
+        assert_differences(n, many.dz, z[2], z[0], by, what);
+        // The first copy has the same derivatives alone. Its inputs are the first ones of a piece.
+        open_fleet(&moved, &setup, 1, 1);
+        derive(&one, &moved, 1, 2);
+        pm_fleet_close(&moved);
+        open_fleet(&moved, &setup, 40, 2);
+        derived again;
+        derive(&again, &moved, 1, 2);
+        assert_memory_equal(one.by_start, again.by_start, NZ * sizeof(double));
+        assert_memory_equal(one.dz, again.dz, NZ * sizeof(double));
+        for (int i = 0; i < 3; ++i) {
+            free(z[i]);
+        }
+        forget(&one);
+        forget(&many);
+        forget(&again);
+        pm_fleet_close(&moved);
+        pm_fleet_close(&fleet);
+        pm_setup_free(&setup);
+    }
+}
+
+// So many substeps are not kept all at once.
+static void long_rollouts_are_taken_in_segments(void **state) {
+    (void)state;
+    pm_setup setup;
+    pm_fleet fleet;
+    derived d;
+    open_setup(&setup, "integrator: rk4, substeps: 2");
+    open_fleet(&fleet, &setup, 33, 2);
+    derive(&d, &fleet, 5, 30);
+    assert_adjoint(&d, NZ, "segments");
+    forget(&d);
+    pm_fleet_close(&fleet);
+    pm_setup_free(&setup);
+}
+
+static void open_driven(pm_setup *setup) {
+    pm_scene *scene = NULL;
+    *setup = (pm_setup){0};
+    if (pm_scene_load(&scene, "configs/driven_lower.yaml") != PM_OK ||
+        pm_setup_open(setup, scene, NULL) != PM_OK ||
+        pm_setup_complete(setup, PM_TO_SERVE) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+// Weights are those of the first component here; all numbers change along the direction of copy 0.
+static void weights_have_derivatives(void **state) {
+    (void)state;
+    pm_setup setup;
+    pm_fleet fleet;
+    derived d;
+    const double by = 1e-5;
+    open_driven(&setup);
+    const int nz = setup.scene->physics.nz;
+    assert_int_equal(pm_fleet_open(&fleet, &setup, 2, 1), PM_OK);
+    derive(&d, &fleet, 2, 3);
+    assert_adjoint(&d, nz, "weights");
+    assert_true(d.nweight > 0);
+    pm_fleet_close(&fleet);
+    double *z[2];
+    for (int k = 0; k < 2; ++k) {
+        int first = 0;
+        for (int c = 0; c < pm_system_components(setup.system); ++c) {
+            pm_params *params = pm_system_params(setup.system, c);
+            for (int i = 0; i < params->count; ++i) {
+                const pm_param_entry *e = &params->entry[i];
+                for (int j = 0; j < e->rows * e->cols && e->trained; ++j) {
+                    e->value[j] += (k == 0 ? by : -2 * by) * d.d_weight[first++];
+                }
+            }
+        }
+        assert_int_equal(first, d.nweight);
+        z[k] = some(2 * 2 * nz, 0);
+        assert_int_equal(pm_fleet_open(&fleet, &setup, 2, 1), PM_OK);
+        roll(&fleet, &d, k == 0 ? by : -by, z[k]);
+        pm_fleet_close(&fleet);
+    }
+    for (int p = 0; p < 2; ++p) { // copy 0
+        const int at = p * 2 * nz;
+        assert_differences(nz, d.dz + at, z[0] + at, z[1] + at, by, "weights");
+    }
+    free(z[0]);
+    free(z[1]);
+    forget(&d);
+    pm_setup_free(&setup);
+}
+
+static void wrong_rollouts_are_refused(void **state) {
+    (void)state;
+    for (size_t m = 0; m < METHODS; ++m) {
+        pm_setup setup;
+        pm_fleet fleet;
+        double z[NZ] = {0};
+        open_setup(&setup, methods[m]);
+        open_fleet(&fleet, &setup, 1, 1);
+        const pm_rollout good = {1, 1, NULL, NULL}, empty = {1, 0, NULL, NULL};
+        const pm_rollout long_one = {INT64_MAX / 2, 4, NULL, NULL};
+        assert_int_equal(pm_fleet_vjp(&fleet, &good, z, z, NULL, NULL), m < 2 ? PM_OK : PM_ECONFIG);
+        assert_int_equal(pm_fleet_vjp(&fleet, &empty, z, z, NULL, NULL), PM_EUSAGE);
+        assert_int_equal(pm_fleet_vjp(&fleet, &long_one, z, z, NULL, NULL), PM_EUSAGE);
+        pm_fleet_close(&fleet);
+        pm_setup_free(&setup);
+    }
+}
+
 static void wrong_numbers_are_refused(void **state) {
     (void)state;
     pm_setup setup;
@@ -193,6 +427,10 @@ int main(void) {
         cmocka_unit_test(copies_end_and_rest_alone),
         cmocka_unit_test(saved_copies_go_on),
         cmocka_unit_test(wrong_numbers_are_refused),
+        cmocka_unit_test(derivatives_are_those_of_the_steps),
+        cmocka_unit_test(long_rollouts_are_taken_in_segments),
+        cmocka_unit_test(weights_have_derivatives),
+        cmocka_unit_test(wrong_rollouts_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
