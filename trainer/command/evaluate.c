@@ -32,7 +32,7 @@ typedef struct job {
     pm_system *system;
     pm_dataset *truth;
     bool *seen; // [ntrajectory] used in training
-    int nseen;  // their number; -1: the weights have no digests
+    bool known; // whether the weights have digests of those they have seen
     int *which; // [ntrajectory] work space
     pm_evaluation *evaluation, *trained;
     pm_thermo thermo;
@@ -66,8 +66,11 @@ static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
     if (j->seen == NULL || j->which == NULL) {
         return pm_fail(PM_ENOMEM, "evaluate: out of memory");
     }
-    j->nseen = pm_seen_mark(j->system, j->truth, j->seen); // by digests of whole trajectories
-    if (a->until > 0) {                                    // leaves out all later states
+    // By digests of whole trajectories, before later states are left out.
+    int count = 0;
+    PM_TRY(pm_seen_choose(j->system, j->truth, a->trajectories, a->json, j->seen, &j->known,
+                          j->which, &count));
+    if (a->until > 0) {
         const double steps = floor(a->until / j->truth->dt * (1 + ROUNDING));
         if (steps < 1) {
             return pm_fail(PM_EUSAGE, "--until: expected at least one step of %g s, found %g s",
@@ -75,34 +78,6 @@ static pm_status evaluate(job *j, const pm_evaluate_arguments *a) {
         }
         if (steps < j->truth->ntime - 1) {
             pm_dataset_shorten(j->truth, 1 + (int)steps);
-        }
-    }
-    // The trajectories of the command line, or else those that training did not use, or all if it
-    // used all.
-    int count = 0;
-    PM_TRY(pm_options_list(a->trajectories, j->truth->ntrajectory, j->which, &count));
-    const char *where = "the weights were trained or validated on";
-    int seen = 0;
-    for (int i = 0; i < count; ++i) {
-        seen += j->seen[j->which[i]];
-    }
-    if (a->trajectories == NULL && seen > 0 && seen < count) {
-        count = 0;
-        for (int i = 0; i < j->truth->ntrajectory; ++i) {
-            if (!j->seen[i]) {
-                j->which[count++] = i;
-            }
-        }
-        if (!a->json) {
-            printf("%d trajectories that %s are left out; --trajectories names them\n", seen,
-                   where);
-        }
-    } else if (j->nseen >= 0 && !a->json) {
-        if (seen > 0) {
-            printf("%d of these %d trajectories are ones that %s: no test of them\n", seen, count,
-                   where);
-        } else {
-            printf("unseen: the weights were trained on none of these %d trajectories\n", count);
         }
     }
     PM_TRY(roll_out(&j->evaluation, j, count));
@@ -213,7 +188,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     }
     PM_TRY_DONE(evaluate(&j, &a));
     if (a.json) {
-        pm_evaluation_print_json(j.evaluation, j.trained, &j.thermo, j.nseen < 0 ? NULL : j.seen);
+        pm_evaluation_print_json(j.evaluation, j.trained, &j.thermo, j.known ? j.seen : NULL);
     } else {
         pm_evaluation_print(j.evaluation, j.trained, &j.thermo);
     }

@@ -312,31 +312,13 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
     PM_TRY(pm_dataset_load_measured(&j->data, j->how->data, name));
     PM_TRY(pm_unit_change_apply(j->system->scene, j->data, !j->how->json));
     PM_TRY(pm_observation_bind(&j->observation, j->system, j->data, &j->arena));
-    // The trajectories of the command line, or else those that training did not use.
     const int n = j->data->ntrajectory;
+    bool known = false, found = false;
     bool *seen = pm_arena_array(&j->arena, (size_t)n, sizeof *seen);
     j->which = pm_arena_array(&j->arena, (size_t)n, sizeof *j->which);
     PM_TRY(pm_arena_status(&j->arena, "an evaluation"));
-    const int nseen = pm_seen_mark(j->system, j->data, seen);
-    PM_TRY(pm_options_list(j->how->trajectories, n, j->which, &j->count));
-    if (j->how->trajectories == NULL && nseen > 0 && nseen < n) {
-        j->count = 0;
-        for (int i = 0; i < n; ++i) {
-            if (!seen[i]) {
-                j->which[j->count++] = i;
-            }
-        }
-    }
-    int nknown = 0;
-    for (int i = 0; i < j->count; ++i) {
-        nknown += seen[j->which[i]];
-    }
-    if (!j->how->json && nseen >= 0) {
-        printf(nknown > 0 ? "%d of these %d trajectories are ones that the weights were trained or "
-                            "validated on: no test of them\n"
-                          : "unseen: the weights were trained on none of these trajectories\n",
-               nknown, j->count);
-    }
+    PM_TRY(pm_seen_choose(j->system, j->data, j->how->trajectories, j->how->json, seen, &known,
+                          j->which, &j->count));
     if (j->seconds >= longest(j)) {
         return pm_fail(
             PM_EUSAGE,
@@ -344,7 +326,6 @@ static pm_status run(prediction *j, const volatile sig_atomic_t *stop) {
             "has %g s",
             j->seconds, longest(j));
     }
-    bool found = false;
     if (j->how->weights != NULL) {
         PM_TRY(pm_uncertainty_load(&j->uncertainty, j->how->weights, j->system, &j->observation,
                                    &found));

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/options.h"
 #include "base/progress.h"
 #include "base/unit.h"
 #include "graph/program.h"
@@ -489,20 +490,45 @@ int pm_evaluation_failures(const pm_evaluation *evaluation) {
 
 // --- trajectories of the training ---
 
-int pm_seen_mark(const pm_system *system, const pm_dataset *dataset, bool *seen) {
-    bool known = false;
-    int count = 0;
+pm_status pm_seen_choose(const pm_system *system, const pm_dataset *dataset, const char *list,
+                         bool quiet, bool *seen, bool *known, int *which, int *count) {
+    static const char where[] = "the weights were trained or validated on";
+    *known = false;
     for (int i = 0; i < dataset->ntrajectory; ++i) {
         const uint64_t digest = pm_dataset_digest(dataset, i);
         seen[i] = false;
         for (int k = 0; k < pm_system_components(system); ++k) {
             const pm_provenance *p = system->component[k].provenance;
-            known = known || p->nseen > 0;
+            *known = *known || p->nseen > 0;
             for (int s = 0; s < p->nseen; ++s) {
                 seen[i] = seen[i] || p->seen[s] == digest;
             }
         }
-        count += seen[i];
     }
-    return known ? count : -1;
+    PM_TRY(pm_options_list(list, dataset->ntrajectory, which, count));
+    int nseen = 0;
+    for (int i = 0; i < *count; ++i) {
+        nseen += seen[which[i]];
+    }
+    if (list == NULL && nseen > 0 && nseen < *count) {
+        *count = 0;
+        for (int i = 0; i < dataset->ntrajectory; ++i) {
+            if (!seen[i]) {
+                which[(*count)++] = i;
+            }
+        }
+        if (!quiet) {
+            printf("%d trajectories that %s are left out; --trajectories names them\n", nseen,
+                   where);
+        } --trajectories names them\n",
+               nseen, where);
+    } else if (*known && !quiet) {
+        if (nseen > 0) {
+            printf("%d of these %d trajectories are ones that %s: no test of them\n", nseen, *count,
+                   where);
+        } else {
+            printf("unseen: the weights were trained on none of these %d trajectories\n", *count);
+        }
+    }
+    return PM_OK;
 }

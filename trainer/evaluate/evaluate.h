@@ -90,11 +90,13 @@ const pm_rollout *pm_evaluation_violation(const pm_evaluation *evaluation);
 // Returns the number of rollouts that became non-finite.
 int pm_evaluation_failures(const pm_evaluation *evaluation);
 
-// Tells which trajectories of a dataset were used to train the weights of a system. Weights files
-// store a digest of each such trajectory, so that the name of the file and the order of its
-// trajectories do not matter. Sets seen [dataset->ntrajectory] to true for each trajectory on which
-// some weights of the system were trained or validated, and to false for all others. Returns the
-// number of such trajectories, or -1 if no weights store digests.
-int pm_seen_mark(const pm_system *system, const pm_dataset *dataset, bool *seen);
+// Chooses which [*count] trajectories of a dataset are scored: those of `list` (base/options.h), or
+// if it is NULL those that training has not used, or all if it has used all. Unless `quiet`, prints
+// whether the weights know some of them. Weights files store a digest of each trajectory on which
+// they were trained or validated, so that names of files and the order of trajectories do not
+// matter: *known is false if no weights of the system store digests. seen [dataset->ntrajectory]
+// receives for each trajectory whether some weights have seen it. PM_EUSAGE: the list is wrong.
+pm_status pm_seen_choose(const pm_system *system, const pm_dataset *dataset, const char *list,
+                         bool quiet, bool *seen, bool *known, int *which, int *count);
 
 #endif

@@ -12,7 +12,7 @@ void pm_evaluation_print(const pm_evaluation *evaluation, const pm_evaluation *t
                          const pm_thermo *thermo);
 
 // Prints one JSON object in SI units, with errors as fractions. Numbers that are not finite become
-// null. seen [ntrajectory of the dataset] says which trajectories training used (pm_seen_mark);
+// null. seen [ntrajectory of the dataset] says which trajectories training used (pm_seen_choose);
 // NULL: not known.
 void pm_evaluation_print_json(const pm_evaluation *evaluation, const pm_evaluation *trained,
                               const pm_thermo *thermo, const bool *seen);
