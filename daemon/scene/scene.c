@@ -87,6 +87,16 @@ bool pm_port_crosses_processes(const pm_scene *scene, const pm_scene_port *port)
 
 // --- recordings and reports ---
 
+bool pm_scene_hides(const pm_scene *scene) {
+    bool hidden = false;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        for (int g = 0; g < scene->physics.subsystem[i].layout.ngroup; ++g) {
+            hidden = hidden || scene->physics.subsystem[i].hidden[g];
+        }
+    }
+    return hidden;
+}
+
 bool pm_scene_records(const pm_scene *scene, int subsystem) {
     return scene->run.recorded == NULL || scene->run.recorded[subsystem];
 }

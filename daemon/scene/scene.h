@@ -227,6 +227,9 @@ int pm_scene_find_live(const pm_scene *scene, const char *name);
 // function instead of summing up steps, so that times are bitwise the same in all processes.
 double pm_scene_time(const pm_scene *scene, long step);
 
+// Returns true if the state has a group that nobody measures.
+bool pm_scene_hides(const pm_scene *scene);
+
 // Return true if a recording keeps a subsystem, or a port. It keeps a port if it keeps the
 // subsystem at one of its ends.
 bool pm_scene_records(const pm_scene *scene, int subsystem);

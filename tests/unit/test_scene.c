@@ -107,6 +107,25 @@ static void test_subsystems(void **state) {
     pm_scene_free(scene);
 }
 
+static void groups_may_be_hidden(void **state) {
+    (void)state;
+    static const char text[] =
+        "scene: one\n"
+        "time: {dt: 1, steps: 1, integrator: euler}\n"
+        "subsystems: {a: {weights: a.h5, state: {x: {unit: m, columns: [x0, x1, x2]}%s}}}\n";
+    char whole[512];
+    pm_scene *scene = parsed(good);
+    assert_false(pm_scene_hides(scene));
+    pm_scene_free(scene);
+    for (int k = 0; k < 2; ++k) {
+        snprintf(whole, sizeof whole, text,
+                 k == 0 ? "" : ", s: {unit: J/K, hidden: {guess: 1, deviation: 2}}");
+        scene = parsed(whole);
+        assert_int_equal(pm_scene_hides(scene), k);
+        pm_scene_free(scene);
+    }
+}
+
 static void ranges_stand_for_their_columns(void **state) {
     (void)state;
     pm_scene *scene = parsed("scene: one\n"
@@ -474,6 +493,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_settings),
         cmocka_unit_test(test_subsystems),
+        cmocka_unit_test(groups_may_be_hidden),
         cmocka_unit_test(ranges_stand_for_their_columns),
         cmocka_unit_test(ranges_do_not_exhaust_memory),
         cmocka_unit_test(test_ports),

@@ -105,18 +105,6 @@ static pm_status record(const pm_evaluation *e, const char *path, const char *co
     return pm_dataset_save(predicted, path);
 }
 
-// Returns true if nobody measures some group.
-static bool hides(const pm_scene *scene) {
-    bool hidden = false;
-    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &scene->physics.subsystem[i];
-        for (int c = 0; s->hidden != NULL && c < s->layout.nz; ++c) {
-            hidden = hidden || s->hidden[c];
-        }
-    }
-    return hidden;
-}
-
 pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t *stop) {
     pm_evaluate_arguments a = {0};
     pm_words given = {0};
@@ -181,7 +169,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
     // A scene that begins at an estimated start with hidden groups cannot begin elsewhere.
-    seconds = seconds == 0 && hides(j.scene) ? j.scene->run.reference_estimate : seconds;
+    seconds = seconds == 0 && pm_scene_hides(j.scene) ? j.scene->run.reference_estimate : seconds;
     if (seconds > 0) {
         status = pm_evaluate_from_estimate(j.system, &a, seconds, stop);
         goto done;

@@ -254,7 +254,8 @@ static void draw(void *context, int id, double *theta) {
 // Whether the initial weights are chosen by short fits to windows (shooting/window_draws.h), or by
 // fits to rates or one draw.
 static bool searches_windows(const pm_fit *f) {
-    return f->training->tries > 1 && (f->size <= MOST_SEARCHED || pm_training_hides(f->training));
+    return f->training->tries > 1 &&
+           (f->size <= MOST_SEARCHED || pm_scene_hides(f->training->scene));
 }
 
 static pm_status start(pm_fit *f) {

@@ -373,19 +373,9 @@ static pm_status read_noise(pm_training *t, pm_yaml block) {
     return PM_OK;
 }
 
-bool pm_training_hides(const pm_training *training) {
-    const pm_scene *scene = training->scene;
-    bool hidden = false;
-    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        for (int k = 0; k < scene->physics.subsystem[i].layout.ngroup; ++k) {
-            hidden = hidden || scene->physics.subsystem[i].hidden[k];
-        }
-    }
-    return hidden;
-}
-
 bool pm_training_is_measured(const pm_training *training) {
-    return training->noisy || training->scene->run.nobservation > 0 || pm_training_hides(training);
+    return training->noisy || training->scene->run.nobservation > 0 ||
+           pm_scene_hides(training->scene);
 }
 
 static pm_status read_all(pm_training *t, pm_yaml root) {

@@ -54,8 +54,6 @@ pm_status pm_training_load(pm_training **training, const char *path);
 // Returns true if the data are measurements, which are fitted by multiple shooting: the file gives
 // `noise`, or the scene has hidden groups or observations.
 bool pm_training_is_measured(const pm_training *training);
-// Whether the scene has hidden groups.
-bool pm_training_hides(const pm_training *training);
 void pm_training_free(pm_training *training); // NULL is allowed
 
 #endif
