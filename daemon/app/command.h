@@ -51,50 +51,13 @@ typedef struct pm_run_options {
     const volatile sig_atomic_t *stop; // becomes non-zero when the user interrupts the program
 } pm_run_options;
 
-// The options that a subcommand may accept, besides --help.
-enum {
-    PM_OPTION_STEPS = 1 << 0,
-    PM_OPTION_RECORD = 1 << 1,
-    PM_OPTION_WEIGHTS = 1 << 2,
-    PM_OPTION_URL = 1 << 3,
-    PM_OPTION_IN_PROCESS = 1 << 4, // --in-process, --copies, --starts
-    PM_OPTION_QUIET = 1 << 5,
-    PM_OPTION_SESSION = 1 << 6,
-    PM_OPTION_CHECKPOINT = 1 << 7,
-    PM_OPTION_TOGETHER = 1 << 8, // --in-process, of a service
-    PM_OPTION_C = 1 << 9,
-    PM_OPTION_OUTPUT = 1 << 10,
-    PM_OPTION_OVERWRITE = 1 << 11,
-    PM_OPTION_REPLAY = 1 << 12,
-    PM_OPTION_LOG = 1 << 13,
-    PM_OPTION_PORT = 1 << 14,
-    PM_OPTION_BIND = 1 << 15,
-    PM_OPTION_UDP = 1 << 16,
-    PM_OPTION_RECORDING = 1 << 17,
-    PM_OPTION_HOSTS = 1 << 18,
-    PM_OPTION_FILES = 1 << 19, // --output as well
-    PM_OPTION_STAYS = 1 << 20,
-    PM_OPTION_ELSEWHERE = 1 << 21,
-    PM_OPTION_FOLDER = 1 << 22, // --record, of a folder
-    PM_OPTION_START = 1 << 23,  // of a run: --endless, --wait, --pace, --record
-    PM_OPTION_STATE = 1 << 24,
-    PM_OPTION_INPUTS = 1 << 25,
-    PM_OPTION_TEST = 1 << 26,       // --here, --other, --json
-    PM_OPTION_ERROR = 1 << 27,      // --error, --processes
-    PM_OPTION_TRAJECTORY = 1 << 28, // --trajectory, --data
-    PM_OPTION_HELD = 1 << 29,
-    PM_OPTION_STUDY = 1 << 30 // --budget, --seed, --write, --picture, --json
-};
-
-#define PM_OPTION_COMPILED (1U << 31)
-
 typedef struct pm_command {
     const char *name;
     const char *summary;   // half a line
     const char *arguments; // positional, "SCENE" or "SCENE NAME"
     const char *help;      // paragraphs
     const char *examples;  // commands, one a line
-    unsigned accepts;      // PM_OPTION_... combined
+    const char *accepts;   // words of options in the table of main.c, separated by blanks
     // Returns PM_EINTERRUPTED soon after *options->stop becomes non-zero.
     pm_status (*execute)(const pm_run_options *options);
 } pm_command;

@@ -13,6 +13,7 @@
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/progress.h"
+#include "base/python.h"
 #include "sim/score.h"
 #include "study/rollout.h"
 
@@ -325,21 +326,14 @@ static pm_status report(const bench *b, double target) {
                agreement, CERTAIN * agreement);
     }
     if (b->options->picture != NULL) {
-        // All settings as a table for gnuplot.
-        const char *name = b->options->picture;
-        char path[4096], body[8192];
+        // A block for each method, below its title.
+        const char *const drawn[] = {"bench", b->options->picture, NULL};
+        char path[4096];
         FILE *file;
-        size_t used;
-        snprintf(path, sizeof path, "%s.txt", name);
+        snprintf(path, sizeof path, "%s.txt", b->options->picture);
         PM_TRY(pm_files_create(&file, path));
-        used = (size_t)snprintf(
-            body, sizeof body,
-            "set logscale xy\nset format xy '10^{%%L}'\nset grid\nset key outside right\n"
-            "set xlabel 'relative error of the states'\nset ylabel 'CPU time for a simulated "
-            "second, "
-            "s'\nplot ");
         const pm_stepping *last = NULL;
-        int block = -1;
+        int nblock = 0;
         for (int i = 0; i < b->nsetting; ++i) {
             const setting *s = &b->setting[i];
             if (!s->served || !isfinite(s->error) || s->error <= 0) {
@@ -350,22 +344,17 @@ static pm_status report(const bench *b, double target) {
             if (tolerance) {
                 snprintf(least, sizeof least, ", tolerance, %d", s->stepping.substeps);
             }
-            if (last == NULL || block == 0 || s->stepping.integrator != last->integrator ||
+            if (nblock < 2 || s->stepping.integrator != last->integrator ||
                 tolerance != (last->tolerance != 0) ||
                 (tolerance && s->stepping.substeps != last->substeps)) {
-                ++block;
-                fprintf(file, "%s", block == 0 ? "" : "\n\n");
-                used += (size_t)snprintf(
-                    body + used, sizeof body - used,
-                    "%s'%s.txt' index %d with %s title '%s%s' noenhanced", block == 0 ? "" : ", ",
-                    name, block, i == 0 ? "points pointtype 7 pointsize 2" : "linespoints",
-                    i == 0 ? "the scene" : s->stepping.integrator->name, i == 0 ? "" : least);
+                fprintf(file, "%s# %s%s\n", nblock++ == 0 ? "" : "\n\n",
+                        i == 0 ? "the scene" : s->stepping.integrator->name, i == 0 ? "" : least);
             }
             last = &s->stepping;
             fprintf(file, "%.6g %.6g\n", s->error, s->seconds);
         }
         fclose(file);
-        PM_TRY(block < 0 ? PM_OK : pm_rollout_draw(name, body));
+        PM_TRY(nblock == 0 ? PM_OK : pm_python_run(&pm_python_pictures, drawn, false));
     }
     if (best == NULL) {
         return pm_fail(PM_EBROKEN, "bench: no setting reaches %g %%: the best has %.2g %%",
@@ -529,6 +518,6 @@ const pm_command pm_command_bench = {
         "costs and who waits for whom. It needs a private network, as `portmetd test` does.",
     .examples = "portmetd bench configs/double_pendulum.yaml\n"
                 "portmetd bench scene.yaml --error 1 --write faster.yaml",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY | PM_OPTION_ERROR,
+    .accepts = "steps weights study error json",
     .execute = execute,
 };

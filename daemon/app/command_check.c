@@ -22,21 +22,23 @@
 
 // --- lists ---
 
-// Returns true if component i of `count` is listed. Of many components only the first of those that
-// share a model is. owner [count] gives, for each component, the first component with the same
-// model (part_owner and port_owner in scene/system.h).
-static bool is_listed(int count, const int *owner, int i) {
-    return count <= PM_SCENE_LISTED || owner[i] == i;
+// Returns true if a component is listed. Of many subsystems or ports only the first of those that
+// share a model is.
+static bool is_listed(const pm_system *system, int c) {
+    const pm_physics *physics = &system->scene->physics;
+    const int count = c < physics->nsubsystem ? physics->nsubsystem : physics->nport;
+    return count <= PM_SCENE_LISTED || system->owner[c] == c;
 }
 
 // Says for how many others a component stands that is listed for them.
-static void print_alike_count(int count, const int *owner, int i, const char *what) {
+static void print_alike_count(const pm_system *system, int c) {
     int others = 0;
-    for (int k = 0; k < count && count > PM_SCENE_LISTED; ++k) {
-        others += k != i && owner[k] == i;
+    for (int k = 0; k < pm_system_components(system); ++k) {
+        others += !is_listed(system, k) && system->owner[k] == c;
     }
     if (others > 0) {
-        printf("  and %d more %s with the same model\n", others, what);
+        printf("  and %d more %s with the same model\n", others,
+               c < system->scene->physics.nsubsystem ? "subsystems" : "ports");
     }
 }
 
@@ -153,7 +155,7 @@ static void print_subsystem(const pm_setup *setup, int i) {
     print_model(known, known ? pm_part_spec_write(&part->spec, &arena) : NULL, &part->params,
                 setup->system->component[i].provenance);
     pm_arena_free(&arena);
-    print_alike_count(scene->physics.nsubsystem, setup->system->part_owner, i, "subsystems");
+    print_alike_count(setup->system, i);
 }
 
 // Counts the values, from the first on, that are all columns, or all the same number.
@@ -318,7 +320,7 @@ static void print_port(const pm_setup *setup, int i) {
     if (apart) {
         print_coverage(setup, port);
     }
-    print_alike_count(scene->physics.nport, setup->system->port_owner, i, "ports");
+    print_alike_count(setup->system, scene->physics.nsubsystem + i);
 }
 
 // --- processes ---
@@ -461,7 +463,7 @@ static void print_skipped(const pm_setup *setup) {
         const char *name = physics->subsystem[i].name;
         const pm_part *part = system->part[i];
         const pm_part_spec *spec = &part->spec;
-        if (!is_listed(physics->nsubsystem, system->part_owner, i)) {
+        if (!is_listed(system, i)) {
             continue;
         }
         if (spec->form == PM_FREE) {
@@ -492,7 +494,7 @@ static void print_skipped(const pm_setup *setup) {
     for (int i = 0; i < physics->nport; ++i) {
         const pm_scene_port *port = &physics->port[i];
         const pm_port_spec *spec = &system->port[i]->spec;
-        if (!is_listed(physics->nport, system->port_owner, i) || spec->form == PM_FREE ||
+        if (!is_listed(system, physics->nsubsystem + i) || spec->form == PM_FREE ||
             system->port[i]->law->has_no_operators) {
             continue;
         }
@@ -523,7 +525,7 @@ static pm_status describe(const pm_setup *setup) {
     PM_TRY(pm_connect_key(scene, NULL));
     print_header(setup, rounds);
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        if (is_listed(scene->physics.nsubsystem, system->part_owner, i)) {
+        if (is_listed(system, i)) {
             print_subsystem(setup, i);
         }
     }
@@ -546,7 +548,7 @@ static pm_status describe(const pm_setup *setup) {
         printf("\n");
     }
     for (int i = 0; i < scene->physics.nport; ++i) {
-        if (is_listed(scene->physics.nport, system->port_owner, i)) {
+        if (is_listed(system, scene->physics.nsubsystem + i)) {
             print_port(setup, i);
         }
     }
@@ -577,6 +579,6 @@ const pm_command pm_command_check = {
         "run.\n"
         "The first mistake ends it with one line and the exit code of its class.",
     .examples = "portmetd check configs/double_pendulum.yaml",
-    .accepts = PM_OPTION_WEIGHTS,
+    .accepts = "weights",
     .execute = execute,
 };

@@ -146,8 +146,7 @@ done:
     return status;
 }
 
-#define AT_START (PM_OPTION_STATE | PM_OPTION_INPUTS | PM_OPTION_HELD | PM_OPTION_TRAJECTORY)
-#define EVERY (PM_OPTION_SESSION | PM_OPTION_URL | PM_OPTION_LOG | PM_OPTION_QUIET)
+#define AT_START "state inputs held trajectory"
 #define CONTROL(word, kind, text, words, more, accepted, given)                            \
     static pm_status execute_##word(const pm_run_options *options) {                       \
         return control(options, PORTMET_CONTROL_T_##kind, #word);                          \
@@ -157,29 +156,29 @@ done:
                                           .arguments = words,                              \
                                           .help = more,                                    \
                                           .examples = "portmetd " #word " configs/" given, \
-                                          .accepts = EVERY | (accepted),                   \
+                                          .accepts = "session url log quiet " accepted,    \
                                           .execute = execute_##word};
 
 CONTROL(start, START, "begin a run of a scene that is served", "SCENE",
         "Asks `portmetd serve` to begin a run, and prints the state at its start. Without --steps\n"
         "it has as many steps as the scene says. With --wait the command ends when the run does,\n"
         "with the exit code of the run. While another run is under way it is refused.",
-        PM_OPTION_STEPS | PM_OPTION_START | AT_START, "double_pendulum.yaml --steps 200 --wait")
+        "steps start " AT_START, "double_pendulum.yaml --steps 200 --wait")
 CONTROL(pause, PAUSE, "hold a run that is served", "SCENE",
-        "Holds the run after the steps that are granted, and prints the state there.", 0,
+        "Holds the run after the steps that are granted, and prints the state there.", "",
         "double_pendulum.yaml")
 CONTROL(resume, RESUME, "let a run that is held go on", "SCENE",
-        "Lets the run go on to its last step, or with --steps until so many are complete.",
-        PM_OPTION_STEPS, "double_pendulum.yaml --steps 150")
+        "Lets the run go on to its last step, or with --steps until so many are complete.", "steps",
+        "double_pendulum.yaml --steps 150")
 CONTROL(advance, ADVANCE, "take steps of a run that is held", "SCENE",
         "Takes one step, or as many as --steps says, and holds the run again. Prints the state.",
-        PM_OPTION_STEPS, "double_pendulum.yaml --steps 10")
+        "steps", "double_pendulum.yaml --steps 10")
 CONTROL(
     set, SET, "set the live inputs, or the state, of a run that is served", "SCENE",
     "Inputs hold from the next step on, until others arrive. A state takes the place of the\n"
     "present one of a run that is held; what its energy and entropy differ by counts as having\n"
     "come from the outside.",
-    PM_OPTION_STATE | PM_OPTION_INPUTS, "live_double_pendulum.yaml --inputs 0.5,0")
+    "state inputs", "live_double_pendulum.yaml --inputs 0.5,0")
 CONTROL(
     reset, RESET, "begin a run that is served anew", "SCENE",
     "Takes the run to step 0, at the scene's state or at the one given, with the same steps and\n"
@@ -188,21 +187,21 @@ CONTROL(
 CONTROL(checkpoint, CHECKPOINT, "keep where a run that is served is held", "SCENE NAME",
         "Keeps state and ledger of a run that is held as NAME (letters, digits and ._-) in the\n"
         "folder of the service.",
-        0, "double_pendulum.yaml noon")
+        "", "double_pendulum.yaml noon")
 CONTROL(restore, RESTORE, "take a run that is served to what was kept", "SCENE NAME",
         "Takes the run that is under way to what `checkpoint` has kept as NAME, in this run or an\n"
         "earlier one, and prints the state there.",
-        PM_OPTION_HELD, "double_pendulum.yaml noon --held")
+        "held", "double_pendulum.yaml noon --held")
 CONTROL(stop, STOP, "end a run that is served", "SCENE",
-        "Ends the run after the steps that are granted. The service waits for another one.", 0,
+        "Ends the run after the steps that are granted. The service waits for another one.", "",
         "double_pendulum.yaml")
 
 CONTROL(
     reload, RELOAD, "let a service read its files again", "SCENE",
     "Between two runs all processes read the scene and its weights again. If they cannot be read,\n"
     "or are of another scene, the command is refused and nothing changes.",
-    0, "double_pendulum.yaml")
+    "", "double_pendulum.yaml")
 CONTROL(query, QUERY, "print the state of a service, and what it serves", "SCENE",
         "Prints whether a run is under way, and whose, and what is served as a line of JSON:\n"
         "subsystems with the groups of their states, ports, live inputs, digests of weights.",
-        0, "double_pendulum.yaml")
+        "", "double_pendulum.yaml")

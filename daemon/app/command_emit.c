@@ -306,7 +306,6 @@ const pm_command pm_command_emit = {
     .examples =
         "portmetd emit systemd scene.yaml --hosts a,b -o units\n"
         "portmetd emit procman scene.yaml --hosts upper=a,lower=b,coordinator=a -o scene.pmd",
-    .accepts = PM_OPTION_HOSTS | PM_OPTION_FILES | PM_OPTION_STEPS | PM_OPTION_RECORD |
-               PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION,
+    .accepts = "hosts files steps record weights url session",
     .execute = execute,
 };

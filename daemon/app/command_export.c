@@ -53,6 +53,6 @@ const pm_command pm_command_export = {
         "integrator must be an explicit one with fixed substeps.",
     .examples = "portmetd export configs/analytic_double_pendulum.yaml --c pendulum\n"
                 "portmetd export configs/analytic_double_pendulum.yaml -o pendulum.fmu",
-    .accepts = PM_OPTION_C | PM_OPTION_OUTPUT | PM_OPTION_WEIGHTS | PM_OPTION_QUIET,
+    .accepts = "c output weights quiet",
     .execute = execute,
 };

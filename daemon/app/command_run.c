@@ -298,8 +298,7 @@ const pm_command pm_command_run = {
     .examples = "portmetd run configs/double_pendulum.yaml --record run.h5\n"
                 "portmetd run configs/chain_10.yaml --in-process --steps 100\n"
                 "portmetd run configs/double_pendulum.yaml --copies 1000 --record copies.h5",
-    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY |
-               PM_OPTION_OVERWRITE | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_IN_PROCESS |
-               PM_OPTION_HELD | PM_OPTION_LOG | PM_OPTION_QUIET | PM_OPTION_COMPILED,
+    .accepts =
+        "checkpoint steps record replay overwrite weights url in_process held log quiet compiled",
     .execute = execute_run,
 };

@@ -539,8 +539,7 @@ const pm_command pm_command_node = {
             "If all of them have --checkpoint, one that was killed goes on when the same command\n"
             "starts it again within the scene's `patience`.",
     .examples = "portmetd node configs/double_pendulum.yaml upper",
-    .accepts = PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_LOG | PM_OPTION_STAYS | PM_OPTION_COMPILED,
+    .accepts = "weights url session checkpoint log stays compiled",
     .execute = execute_node,
 };
 
@@ -568,9 +567,7 @@ const pm_command pm_command_coordinator = {
         "state are refused by name. With --checkpoint it continues after a kill; remove\n"
         "the files in the folder when all processes have ended well.",
     .examples = "portmetd coordinator configs/double_pendulum.yaml --record run.h5",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_RECORD | PM_OPTION_REPLAY | PM_OPTION_OVERWRITE |
-               PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_SESSION | PM_OPTION_CHECKPOINT |
-               PM_OPTION_HELD | PM_OPTION_LOG | PM_OPTION_QUIET,
+    .accepts = "steps record replay overwrite weights url session checkpoint held log quiet",
     .execute = execute_coordinator,
 };
 
@@ -610,8 +607,6 @@ const pm_command pm_command_serve = {
         "step takes least.",
     .examples = "portmetd serve configs/double_pendulum.yaml --record recordings\n"
                 "portmetd serve configs/double_pendulum.yaml --in-process --compiled",
-    .accepts = PM_OPTION_CHECKPOINT | PM_OPTION_FOLDER | PM_OPTION_WEIGHTS | PM_OPTION_URL |
-               PM_OPTION_SESSION | PM_OPTION_LOG | PM_OPTION_ELSEWHERE | PM_OPTION_COMPILED |
-               PM_OPTION_TOGETHER,
+    .accepts = "checkpoint folder weights url session log elsewhere compiled together",
     .execute = execute_serve,
 };

@@ -160,6 +160,6 @@ const pm_command pm_command_status = {
         "the age of its checkpoint, and its memory. The coordinator prints the same table when it\n"
         "receives SIGUSR1.",
     .examples = "portmetd status configs/double_pendulum.yaml",
-    .accepts = PM_OPTION_URL | PM_OPTION_SESSION,
+    .accepts = "url session",
     .execute = execute,
 };

@@ -11,6 +11,7 @@
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/progress.h"
+#include "base/python.h"
 #include "study/rollout.h"
 
 #define BUDGET 60.0     // s, by default
@@ -176,16 +177,9 @@ static pm_status report(stress *t) {
         }
     }
     if (file != NULL) {
+        const char *const drawn[] = {"stress", options->picture, NULL};
         fclose(file);
-        char body[1024];
-        snprintf(
-            body, sizeof body,
-            "set palette defined (0 '#009e73', 0.5 '#e69f00', 1 '#d55e00')\nset cbrange [0:1]\n"
-            "set xlabel 'dt, times 2 to this power'\nset ylabel 'widths beyond the training "
-            "range'\nset title 'good (0), drifting (0.5), broken (1)'\n"
-            "plot '%s.txt' matrix with image notitle",
-            options->picture);
-        PM_TRY(pm_rollout_draw(options->picture, body));
+        PM_TRY(pm_python_run(&pm_python_pictures, drawn, false));
     }
     const rollout *shown = first != NULL ? first : beyond;
     if (options->write != NULL && shown != NULL) {
@@ -366,6 +360,6 @@ const pm_command pm_command_stress = {
         "the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",
-    .accepts = PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_STUDY,
+    .accepts = "steps weights study json",
     .execute = execute,
 };

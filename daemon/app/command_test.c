@@ -929,7 +929,6 @@ const pm_command pm_command_test = {
         "--other the last process reads other weights, as if its host had a copy of its own.",
     .examples = "portmetd test configs/double_pendulum.yaml\n"
                 "portmetd test scene.yaml --here --steps 20",
-    .accepts =
-        PM_OPTION_STEPS | PM_OPTION_WEIGHTS | PM_OPTION_URL | PM_OPTION_REPLAY | PM_OPTION_TEST,
+    .accepts = "steps weights url replay test json",
     .execute = execute,
 };

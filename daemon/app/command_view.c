@@ -1044,7 +1044,6 @@ const pm_command pm_command_view = {
         "a recording. It ends when it is interrupted.",
     .examples = "portmetd view configs/chain_10.yaml --port 8080\n"
                 "portmetd view configs/chain_10.yaml --recording run.h5",
-    .accepts = PM_OPTION_PORT | PM_OPTION_BIND | PM_OPTION_UDP | PM_OPTION_RECORDING |
-               PM_OPTION_URL | PM_OPTION_SESSION,
+    .accepts = "port bind udp recording url session",
     .execute = execute,
 };

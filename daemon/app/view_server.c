@@ -1,6 +1,8 @@
 // HTTP and websockets by libwebsockets, whose event loop runs in pm_view_server_serve.
 #include "app/view_server.h"
 
+#include "base/arena.h"
+
 #ifdef PM_WEBSOCKETS
 #include <arpa/inet.h>
 #include <libwebsockets.h>
@@ -188,10 +190,8 @@ static int on_event(struct lws *wsi, enum lws_callback_reasons reason, void *use
 
 pm_status pm_view_server_open(pm_view_server **server, const char *address, int port,
                               pm_view_next *next, pm_view_hear *hear, void *context) {
-    pm_view_server *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "view: out of memory for the page");
-    }
+    pm_view_server *s = NULL;
+    PM_TRY(PM_NEW(s, "the page of a view"));
     const page_file files[NFILE] = {
         {.path = "/", .type = "text/html; charset=utf-8", .line = pm_view_html},
         {.path = "/view.css", .type = "text/css; charset=utf-8", .line = pm_view_css},

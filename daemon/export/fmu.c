@@ -206,13 +206,6 @@ static void put_name(FILE *file, const char *name) {
     }
 }
 
-// Returns how large the states of a group are in training; 1 if that is not known.
-static double nominal_of(pm_training_range range, int group) {
-    const double most =
-        range.low == NULL ? 0 : fmax(fabs(range.low[group]), fabs(range.high[group]));
-    return most > 0 && most < DBL_MAX ? most : 1;
-}
-
 // Writes the sizes of all states.
 static void write_nominals(FILE *file, const void *context) {
     const fmu_writer *w = context;
@@ -256,7 +249,10 @@ static void add_states(fmu_writer *w) {
             const int k = s->first + c, g = group_of(&s->layout, c);
             variable *state = add(w, r->state + k, EXACT, v->state.name[k], v->state.unit[k]);
             state->start = w->setup->initial[k];
-            state->nominal = nominal_of(range, g);
+            // How large the states of the group are in training; 1 if that is not known.
+            const double most =
+                range.low == NULL ? 0 : fmax(fabs(range.low[g]), fabs(range.high[g]));
+            state->nominal = most > 0 && most < DBL_MAX ? most : 1;
             if (range.low != NULL && range.low[g] <= range.high[g]) {
                 state->description =
                     pm_arena_printf(w->arena, "%s from %.4g to %.4g in training",

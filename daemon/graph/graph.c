@@ -21,10 +21,8 @@ struct pm_graph {
 // --- storage ---
 
 pm_status pm_graph_open(pm_graph **graph) {
-    pm_graph *g = calloc(1, sizeof *g);
-    if (g == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a graph");
-    }
+    pm_graph *g = NULL;
+    PM_TRY(PM_NEW(g, "a graph"));
     *graph = g;
     return PM_OK;
 }

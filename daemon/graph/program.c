@@ -379,10 +379,8 @@ static pm_status open_program(pm_program **program, const pm_graph *graph, int c
     if (pm_graph_exhausted(graph)) {
         return pm_fail(PM_ENOMEM, "out of memory while building a graph");
     }
-    pm_program *p = calloc(1, sizeof *p);
-    if (p == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a program");
-    }
+    pm_program *p = NULL;
+    PM_TRY(PM_NEW(p, "a program"));
     p->nnode = pm_graph_size(graph);
     p->capacity = capacity;
     memory_plan plan = {.g = graph, .nnode = p->nnode, .capacity = capacity, .lanes = lanes};

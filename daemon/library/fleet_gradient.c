@@ -55,11 +55,8 @@ struct pm_fleet_gradient {
 static int list_matrices(const pm_system *system, int *count, matrix *list) {
     int first = 0, n = 0;
     for (int c = 0; c < pm_system_components(system); ++c) {
-        const int nsubsystem = system->scene->physics.nsubsystem;
         const pm_params *params = pm_system_params(system, c);
-        const bool owner = c < nsubsystem ? system->part_owner[c] == c
-                                          : system->port_owner[c - nsubsystem] == c - nsubsystem;
-        for (int i = 0; i < params->count && owner; ++i) {
+        for (int i = 0; i < params->count && system->owner[c] == c; ++i) {
             const pm_param_entry *entry = &params->entry[i];
             if (entry->trained && list != NULL) {
                 list[n] = (matrix){entry, c, first};

@@ -721,10 +721,8 @@ pm_status pm_control_open(pm_control **control, pm_lockstep_coordinator *coordin
                           const pm_control_service *service) {
     const pm_scene *scene = coordinator->scene;
     pm_status status;
-    pm_control *made = calloc(1, sizeof *made);
-    if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "control: out of memory");
-    }
+    pm_control *made = NULL;
+    PM_TRY(PM_NEW(made, "control"));
     made->coordinator = coordinator;
     made->service = *service;
     made->asks = SERVE_ASKS + 1; // the last one ends the wait for an answer

@@ -1081,10 +1081,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     static const pm_handlers handlers = {on_hello, on_command, on_request};
     const pm_scene *scene = system->scene;
     pm_status status;
-    pm_lockstep_coordinator *c = calloc(1, sizeof *c);
-    if (c == NULL) {
-        return pm_fail(PM_ENOMEM, "coordinator: out of memory");
-    }
+    pm_lockstep_coordinator *c = NULL;
+    PM_TRY(PM_NEW(c, "coordinator"));
     const pm_lockstep_coordinator_options plain = {0};
     const pm_lockstep_coordinator_options *given = options == NULL ? &plain : options;
     c->endpoint.system = system;

@@ -130,10 +130,8 @@ pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, cons
         pm_message_handler *handler;
     } words[] = {{"LEDGER", on_ledger}, {"HEALTH", on_health}, {"COMMAND", on_command}};
     const int n = scene->network.nprocess;
-    pm_listener *l = calloc(1, sizeof *l);
-    if (l == NULL) {
-        return pm_fail(PM_ENOMEM, "listener: out of memory");
-    }
+    pm_listener *l = NULL;
+    PM_TRY(PM_NEW(l, "listener"));
     pm_status status;
     l->transport = transport;
     l->scene = scene;

@@ -1083,10 +1083,8 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
     const pm_lockstep_node_options plain = {0}, *given = options == NULL ? &plain : options;
     const pm_scene *scene = system->scene;
     const int more = given->checkpoint == NULL ? 0 : LATE_DEPTH;
-    pm_lockstep_node *made = calloc(1, sizeof *made);
-    if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", scene->network.process[process_id].name);
-    }
+    pm_lockstep_node *made = NULL;
+    PM_TRY(PM_NEW(made, scene->network.process[process_id].name));
     pm_status status;
     pm_endpoint *endpoint = &made->endpoint;
     pm_process_subsystems *subsystems = &made->subsystems;

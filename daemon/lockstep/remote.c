@@ -212,10 +212,8 @@ pm_status pm_remote_open(pm_client **remote, pm_transport *transport,
     pm_yaml_document *document = NULL;
     pm_yaml root;
     pm_status status;
-    pm_client *r = calloc(1, sizeof *r);
-    if (r == NULL) {
-        return pm_fail(PM_ENOMEM, "a client: out of memory");
-    }
+    pm_client *r = NULL;
+    PM_TRY(PM_NEW(r, "a client"));
     r->transport = transport;
     r->options = *options;
     r->request.client = pm_lockstep_session();

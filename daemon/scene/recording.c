@@ -296,17 +296,11 @@ static pm_status open_all(pm_recording *r, long count) {
     return PM_OK;
 }
 
-// Returns the folder of `path`, which the caller frees. NULL: out of memory.
-static char *folder_of(const char *path) {
-    const char *slash = strrchr(path, '/');
-    if (slash == NULL) {
-        return strdup(".");
-    }
-    return slash == path ? strdup("/") : strndup(path, (size_t)(slash - path));
-}
-
 static pm_status check_folder(const char *path) {
-    char *folder = folder_of(path);
+    const char *slash = strrchr(path, '/');
+    char *folder = slash == NULL   ? strdup(".")
+                   : slash == path ? strdup("/")
+                                   : strndup(path, (size_t)(slash - path));
     if (folder == NULL) {
         return fail_memory();
     }

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "scene/scene_reader.h"
+#include "store/names.h"
 
 #define MAX_NAME 48      // characters of a name
 #define MAX_EXPANDED 160 // characters of a text after its indices have become numbers
@@ -49,34 +50,6 @@ pm_status pm_scene_read_name(pm_scene_reader *r, pm_yaml at, const char **name) 
 
 // --- ranges ---
 
-// Reads a whole number and moves `text` past it. Returns -1 if `text` begins with none.
-static long read_number(const char **text) {
-    char *end;
-    if (!isdigit((unsigned char)**text)) {
-        return -1;
-    }
-    const long number = strtol(*text, &end, 10); // saturates, and the range then refuses it
-    *text = end;
-    return number;
-}
-
-// Reads "[A:B]" and moves `text` past it; false if `text` begins with something else.
-static bool read_axis(const char **text, int *first, int *count) {
-    const char *rest = *text + (**text == '[');
-    const long low = read_number(&rest);
-    const bool colon = *rest == ':';
-    rest += colon;
-    const long end = read_number(&rest);
-    if (**text != '[' || !colon || *rest != ']' || low < 0 || end <= low ||
-        end > PM_SCENE_MAX_INDEX) {
-        return false;
-    }
-    *text = rest + 1;
-    *first = (int)low;
-    *count = (int)(end - low);
-    return true;
-}
-
 pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
                                pm_scene_range *range) {
     *range = (pm_scene_range){.key = text, .pattern = text, .total = 1};
@@ -87,7 +60,7 @@ pm_status pm_scene_parse_range(pm_scene_reader *r, pm_yaml at, const char *text,
     const char *rest = open;
     for (; *rest != '\0' && range->naxis < PM_SCENE_MAX_AXES; ++range->naxis) {
         int *count = &range->count[range->naxis];
-        if (!read_axis(&rest, &range->first[range->naxis], count)) {
+        if (!pm_name_axis_read(&rest, PM_SCENE_MAX_INDEX, &range->first[range->naxis], count)) {
             break;
         }
         if (*count > PM_SCENE_MOST_COMPONENTS / range->total) {
@@ -134,10 +107,12 @@ static bool read_index(const pm_scene_reader *r, const char **text, long *value)
     rest += 2;
     if (*rest == '+' || *rest == '-') {
         const bool minus = *rest++ == '-';
-        offset = read_number(&rest);
+        char *end = NULL;
+        offset = isdigit((unsigned char)*rest) ? strtol(rest, &end, 10) : -1;
         if (offset < 0 || offset > PM_SCENE_MAX_INDEX) {
             return false;
         }
+        rest = end;
         offset = minus ? -offset : offset;
     }
     if (*rest != ']') {

@@ -1005,10 +1005,8 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
         "lockstep", "record", "observations", "live_inputs", "tap",        "start",
         NULL};
     pm_yaml value;
-    pm_scene *scene = calloc(1, sizeof *scene);
-    if (scene == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a scene");
-    }
+    pm_scene *scene = NULL;
+    PM_TRY(PM_NEW(scene, "a scene"));
     pm_scene_reader r = {.scene = scene, .arena = &scene->arena, .root = root};
     pm_status status;
     scene->path = pm_arena_strdup(&scene->arena, path);

@@ -261,12 +261,11 @@ static pm_status load_models(pm_system *system, const char *weights_dir) {
         }
         if (i >= 0) {
             system->component[c] = system->component[owner[i]];
+            system->owner[c] = owner[i];
             if (c < nsubsystem) {
                 system->part[c] = system->part[owner[i]];
-                system->part_owner[c] = owner[i];
             } else {
                 system->port[c - nsubsystem] = system->port[owner[i] - nsubsystem];
-                system->port_owner[c - nsubsystem] = owner[i] - nsubsystem;
             }
             PM_TRY(check_model(system, c));
             continue;
@@ -476,9 +475,7 @@ static pm_status check_origin(pm_system *system) {
     PM_TRY(pm_arena_status(&system->arena, "a system"));
     for (int i = 0, nknown = 0; i < count; ++i) {
         const pm_provenance *own = system->component[i].provenance;
-        const int n = physics->nsubsystem;
-        if (own->path == NULL ||
-            (i < n ? system->part_owner[i] != i : system->port_owner[i - n] != i - n)) {
+        if (own->path == NULL || system->owner[i] != i) {
             continue;
         }
         known[nknown++] = own;
@@ -507,8 +504,8 @@ static pm_status check_origin(pm_system *system) {
             // Two subsystems have exchanged their weights if the scene has the columns on which
             // these weights were trained in another subsystem, whose weights were trained on other
             // columns. Otherwise weights may serve in many places.
-            const bool done = checked[system->part_owner[i]];
-            checked[system->part_owner[i]] = true;
+            const bool done = checked[system->owner[i]];
+            checked[system->owner[i]] = true;
             for (int k = 0; k < physics->nsubsystem && !done; ++k) {
                 const pm_provenance *other = system->component[k].provenance;
                 if (k != i && other->columns != 0 && other->columns != own->columns &&
@@ -578,18 +575,15 @@ static uint64_t digest_system(const pm_system *system) {
 
 // Makes a system whose components have no models yet.
 static pm_status new_system(pm_system **result, const pm_scene *scene) {
-    pm_system *system = calloc(1, sizeof *system);
-    if (system == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a system");
-    }
+    pm_system *system = NULL;
+    PM_TRY(PM_NEW(system, "a system"));
     const size_t npart = (size_t)scene->physics.nsubsystem, nport = (size_t)scene->physics.nport;
     pm_arena *arena = &system->arena;
     system->scene = scene;
     system->component = pm_arena_array(arena, npart + nport, sizeof *system->component);
     system->part = pm_arena_array(arena, npart, sizeof *system->part);
     system->port = pm_arena_array(arena, nport, sizeof *system->port);
-    system->part_owner = pm_arena_array(arena, npart, sizeof *system->part_owner);
-    system->port_owner = pm_arena_array(arena, nport, sizeof *system->port_owner);
+    system->owner = pm_arena_array(arena, npart + nport, sizeof *system->owner);
     system->mesh = pm_arena_array(arena, npart, sizeof *system->mesh);
     const pm_status status = pm_arena_status(arena, "a system");
     if (status != PM_OK) {
@@ -597,11 +591,8 @@ static pm_status new_system(pm_system **result, const pm_scene *scene) {
         free(system);
         return status;
     }
-    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
-        system->part_owner[i] = i;
-    }
-    for (int i = 0; i < scene->physics.nport; ++i) {
-        system->port_owner[i] = i;
+    for (int i = 0; i < scene->physics.nsubsystem + scene->physics.nport; ++i) {
+        system->owner[i] = i;
     }
     *result = system;
     return PM_OK;
@@ -681,8 +672,7 @@ pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, 
     physics.end_at = pm_arena_array(arena, 2 * nport, sizeof *physics.end_at);
     pm_part **part = pm_arena_array(arena, npart, sizeof(pm_part *));
     pm_port_model **port = pm_arena_array(arena, nport, sizeof(pm_port_model *));
-    int *part_owner = pm_arena_array(arena, npart, sizeof *part_owner);
-    int *port_owner = pm_arena_array(arena, nport, sizeof *port_owner);
+    int *owner = pm_arena_array(arena, npart + nport, sizeof *owner);
     const pm_solid_mesh **mesh = pm_arena_array(arena, npart, sizeof(pm_solid_mesh *));
     PM_TRY(pm_arena_status(arena, "%d copies of scene %s", count, system->scene->name));
     physics.nsubsystem = (int)npart;
@@ -693,12 +683,13 @@ pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, 
     repeat_physics(&physics, from, count);
     for (size_t k = 0; k < npart; ++k) {
         part[k] = system->part[k / n];
-        part_owner[k] = system->part_owner[k / n] * count;
         mesh[k] = system->mesh[k / n];
     }
     for (size_t k = 0; k < nport; ++k) {
         port[k] = system->port[k / n];
-        port_owner[k] = system->port_owner[k / n] * count;
+    }
+    for (size_t k = 0; k < npart + nport; ++k) {
+        owner[k] = system->owner[k / n] * count;
     }
     *scene = *system->scene;
     scene->physics = physics;
@@ -706,8 +697,7 @@ pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, 
                       .compiled = system->compiled,
                       .part = part,
                       .port = port,
-                      .part_owner = part_owner,
-                      .port_owner = port_owner,
+                      .owner = owner,
                       .mesh = mesh};
     *repeated = to;
     return PM_OK;
@@ -717,14 +707,14 @@ void pm_system_free(pm_system *system) {
     if (system == NULL) {
         return;
     }
-    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
-        if (system->part_owner[i] == i && system->part[i] != NULL) {
-            pm_part_free(system->part[i]);
-        }
-    }
-    for (int i = 0; i < system->scene->physics.nport; ++i) {
-        if (system->port_owner[i] == i && system->port[i] != NULL) {
-            pm_port_free(system->port[i]);
+    const int nsubsystem = system->scene->physics.nsubsystem;
+    for (int c = 0; c < pm_system_components(system); ++c) {
+        pm_part *part = c < nsubsystem ? system->part[c] : NULL;
+        pm_port_model *port = c < nsubsystem ? NULL : system->port[c - nsubsystem];
+        if (system->owner[c] == c && part != NULL) {
+            pm_part_free(part);
+        } else if (system->owner[c] == c && port != NULL) {
+            pm_port_free(port);
         }
     }
     pm_arena_free(&system->arena);

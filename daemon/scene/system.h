@@ -26,8 +26,7 @@ typedef struct pm_system {
     pm_component *component;    // [nsubsystem + nport]
     pm_part **part;             // [nsubsystem] the same models as what they are
     pm_port_model **port;       // [nport]
-    int *part_owner;            // [nsubsystem] the subsystem that owns the model of each
-    int *port_owner;            // [nport]
+    int *owner;                 // [nsubsystem + nport] the component that owns the model of each
     const pm_solid_mesh **mesh; // [nsubsystem] of each solid; NULL: the subsystem is no solid
     bool compiled; // engines of the system compile its models (graph/compile.h); false at first
     // Digest of topology, integrator and all weights, equal on all hosts; 0 unless loaded.

@@ -66,7 +66,7 @@ static pm_status group_subsystems(pm_model *m, pm_arena *scratch) {
     }
     for (int i = 0; i < m->count; ++i) {
         const int id = m->id[i];
-        int *of = &of_owner[m->system->part_owner[id]]; // the owner's group, plus one; 0: none
+        int *of = &of_owner[m->system->owner[id]]; // the owner's group, plus one; 0: none
         PM_TRY(check_subsystem(m, id));
         if (*of == 0) {
             const pm_kind *kind = pm_kind_of(m, id);
@@ -184,7 +184,8 @@ static bool alike(const pm_model *m, int a, int b) {
     const pm_system *system = m->system;
     const pm_scene_port *pa = &system->scene->physics.port[a],
                         *pb = &system->scene->physics.port[b];
-    bool same = system->port_owner[a] == system->port_owner[b];
+    const int *owner = system->owner + system->scene->physics.nsubsystem;
+    bool same = owner[a] == owner[b];
     for (int end = 0; end < 2 && same; ++end) {
         const int *ca = pa->component[end], *cb = pb->component[end];
         const size_t size = (size_t)pa->layout[end].nz * sizeof *ca;

@@ -16,10 +16,8 @@ struct pm_monolithic {
 };
 
 pm_status pm_monolithic_open(pm_monolithic **monolithic, const pm_system *system) {
-    pm_monolithic *m = calloc(1, sizeof *m);
-    if (m == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a monolithic run");
-    }
+    pm_monolithic *m = NULL;
+    PM_TRY(PM_NEW(m, "a monolithic run"));
     pm_status status;
     m->system = system;
     PM_TRY_DONE(pm_local_subsystems_open(&m->subsystems, system, 0, NULL));

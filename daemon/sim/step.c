@@ -17,10 +17,8 @@ struct pm_local_subsystems {
 pm_status pm_local_subsystems_open(pm_local_subsystems **local, const pm_system *system, int count,
                                    const int *id) {
     const pm_physics *physics = &system->scene->physics;
-    pm_local_subsystems *l = calloc(1, sizeof *l);
-    if (l == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the subsystems of a process");
-    }
+    pm_local_subsystems *l = NULL;
+    PM_TRY(PM_NEW(l, "the subsystems of a process"));
     pm_arena *arena = &l->model.arena;
     const int n = id == NULL ? physics->nsubsystem : count;
     double *z = pm_arena_array(arena, (size_t)physics->nz, sizeof *z);

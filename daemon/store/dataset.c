@@ -26,10 +26,8 @@
 static pm_status dataset_alloc(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn) {
     assert(ntrajectory > 0 && ntime > 0 && ncolumn > 0);
     const size_t nstate = (size_t)ntrajectory * (size_t)ntime;
-    pm_dataset *d = calloc(1, sizeof *d);
-    if (d == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a dataset");
-    }
+    pm_dataset *d = NULL;
+    PM_TRY(PM_NEW(d, "a dataset"));
     d->ntrajectory = ntrajectory;
     d->ntime = ntime;
     d->ncolumn = ncolumn;

@@ -63,25 +63,37 @@ static long read_number(const char **text) {
     return number;
 }
 
+bool pm_name_axis_read(const char **text, long most, int *first, int *count) {
+    const char *rest = *text + (**text == '[');
+    const long low = read_number(&rest);
+    const bool colon = *rest == ':';
+    rest += colon;
+    const long end = read_number(&rest);
+    if (**text != '[' || !colon || *rest != ']' || low < 0 || end <= low || end > most) {
+        return false;
+    }
+    *text = rest + 1;
+    *first = (int)low;
+    *count = (int)(end - low);
+    return true;
+}
+
 pm_status pm_name_range_parse(pm_name_range *range, const char *text) {
-    const char *open = strrchr(text, '[');
+    const char *open = strrchr(text, '['), *rest = open;
     if (open == NULL || strchr(open, ':') == NULL || text[strlen(text) - 1] != ']') {
         *range = (pm_name_range){.text = text, .prefix = -1, .count = 1};
         return PM_OK;
     }
-    const char *rest = open + 1;
-    const long first = read_number(&rest);
-    rest += *rest == ':';
-    const long end = read_number(&rest);
     const ptrdiff_t prefix = open - text;
-    if (first < 0 || end <= first || end > MAX_NUMBER || strcmp(rest, "]") != 0 || prefix < 1 ||
-        prefix > MAX_PREFIX) {
+    pm_name_range read = {.text = text, .prefix = (int)prefix};
+    if (!pm_name_axis_read(&rest, MAX_NUMBER, &read.first, &read.count) || *rest != '\0' ||
+        prefix < 1 || prefix > MAX_PREFIX) {
         return pm_fail(PM_ECONFIG,
                        "expected a range PREFIX[A:B] with A < B, such as f[0:3] for f0, f1 and f2, "
                        "found \"%.64s\"",
                        text);
     }
-    *range = (pm_name_range){text, (int)prefix, (int)first, (int)(end - first)};
+    *range = read;
     return PM_OK;
 }
 

@@ -3,6 +3,8 @@
 #ifndef PM_STORE_NAMES_H
 #define PM_STORE_NAMES_H
 
+#include <stdbool.h>
+
 #include "base/arena.h"
 #include "base/status.h"
 
@@ -36,6 +38,10 @@ typedef struct pm_name_range {
     int prefix; // length of the prefix in characters; -1: the word itself is the only name
     int first, count;
 } pm_name_range;
+
+// Reads "[A:B]" and moves `text` past it. Returns false if `text` begins with something else, or
+// if A < B <= most does not hold.
+bool pm_name_axis_read(const char **text, long most, int *first, int *count);
 
 // Parses a word. A word of the form PREFIX[A:B] means the numbers from A up to, not including, B.
 // `text` must outlive the range. PM_ECONFIG: A and B are not whole numbers with A < B <= 10^9, or

@@ -13,8 +13,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "base/child.h"
-#include "base/files.h"
 #include "base/progress.h"
 #include "base/rng.h"
 #include "model/training_range.h"
@@ -275,23 +273,4 @@ pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, 
     pm_progress_finish(&progress);
     munmap(next, sizeof *next + 1);
     return *stop != 0 ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
-}
-
-pm_status pm_rollout_draw(const char *name, const char *body) {
-    char path[4096];
-    FILE *file;
-    snprintf(path, sizeof path, "%s.gp", name);
-    PM_TRY(pm_files_create(&file, path));
-    fprintf(file,
-            "set terminal pngcairo size 900,650 font 'DejaVu Sans,11' background 'white'\n"
-            "set output '%s.png'\n%s\nset terminal svg size 900,650 dynamic\n"
-            "set output '%s.svg'\nreplot\n",
-            name, body, name);
-    fclose(file);
-    char *argv[] = {"gnuplot", path, NULL};
-    int code = 0;
-    const int error = pm_child_run(argv, true, &code);
-    return error == 0 && code == 0 ? PM_OK
-                                   : pm_fail(PM_EFILE, "%s: gnuplot (Debian: gnuplot-nox): %s",
-                                             path, error != 0 ? strerror(error) : "failed");
 }

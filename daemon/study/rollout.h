@@ -81,9 +81,4 @@ pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, 
 // Returns zeroed memory that child processes share, or NULL. It is freed at the end of the program.
 void *pm_rollout_shared(size_t count, size_t size);
 
-// Writes the gnuplot script NAME.gp, which begins with a terminal for NAME.png and then runs
-// `body`, and the same for NAME.svg, and runs gnuplot on it. PM_EFILE: a file cannot be written, or
-// gnuplot is missing or fails.
-pm_status pm_rollout_draw(const char *name, const char *body);
-
 #endif

@@ -200,10 +200,8 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
                                    const pm_key *key, const char *sender,
                                    pm_clock_handler *on_clock, const void *context,
                                    pm_drops *drops) {
-    sealed *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "sealed transport: out of memory");
-    }
+    sealed *s = NULL;
+    PM_TRY(PM_NEW(s, "sealed transport"));
     const pm_status status = pm_seal_open(&s->seal, key, sender, pm_seal_clock(NULL));
     if (status != PM_OK) {
         free(s);

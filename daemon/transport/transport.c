@@ -55,10 +55,8 @@ pm_status pm_transport_place(const char *url, int *rank, int *count) {
 
 pm_status pm_transport_make(pm_transport **transport, const pm_transport_table *table,
                             void *state) {
-    pm_transport *made = calloc(1, sizeof *made);
-    if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "transport: out of memory");
-    }
+    pm_transport *made = NULL;
+    PM_TRY(PM_NEW(made, "transport"));
     made->table = table;
     made->state = state;
     *transport = made;
@@ -135,10 +133,8 @@ static const pm_transport_table tapped_table = {
 };
 
 pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
-    tapped *t = calloc(1, sizeof *t);
-    if (t == NULL) {
-        return pm_fail(PM_ENOMEM, "tap: out of memory");
-    }
+    tapped *t = NULL;
+    PM_TRY(PM_NEW(t, "tap"));
     *t = (tapped){.front = {transport->table, transport->state}, .tap = *tap};
     const pm_status status = pm_transport_lcm.open(&t->lcm, tap->url, &transport->drops);
     if (status != PM_OK) {

@@ -141,10 +141,8 @@ pm_status pm_transport_faulty_open(const char *url, const pm_transport_table **t
     if (state == NULL || (lose == 0 && mix == 0)) {
         return PM_OK;
     }
-    faulty *f = calloc(1, sizeof *f);
-    if (f == NULL) {
-        return pm_fail(PM_ENOMEM, "transport: out of memory");
-    }
+    faulty *f = NULL;
+    PM_TRY(PM_NEW(f, "transport"));
     *f = (faulty){.front = {*table, *state}, .lose = lose, .mix = mix};
     pm_rng_init(&f->rng, (uint64_t)getpid(), 0);
     *table = &faulty_table;

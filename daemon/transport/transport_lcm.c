@@ -225,10 +225,8 @@ static void splitter_close(splitter *s) {
 }
 
 static pm_status splitter_open(splitter **made, const char *url, const lcm_url *address) {
-    splitter *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
-    }
+    splitter *s = NULL;
+    PM_TRY(PM_NEW(s, url));
     const unsigned char ttl = (unsigned char)address->ttl;
     int packet = 0;
     socklen_t size = sizeof packet;
@@ -359,10 +357,8 @@ static void receiver_close(receiver *r) {
 
 static pm_status receiver_open(receiver **made, const char *url, const lcm_url *address,
                                pm_drops *drops) {
-    receiver *r = calloc(1, sizeof *r);
-    if (r == NULL) {
-        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
-    }
+    receiver *r = NULL;
+    PM_TRY(PM_NEW(r, url));
     pm_status status = PM_OK;
     r->drops = drops;
     r->spins = address->spins;

@@ -378,10 +378,8 @@ static pm_status mpi_open(void **state, const char *url, pm_drops *drops) {
     int rank, nrank;
     PM_TRY(mpi_check(url));
     PM_TRY(mpi_place(&rank, &nrank));
-    mpi_endpoint *e = calloc(1, sizeof *e);
-    if (e == NULL) {
-        return pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
-    }
+    mpi_endpoint *e = NULL;
+    PM_TRY(PM_NEW(e, url));
     e->rank = rank;
     e->nrank = nrank;
     e->drops = drops;

@@ -7,9 +7,9 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "base/python.h"
 #include "data/unit_change.h"
 #include "evaluate/evaluate.h"
-#include "evaluate/python.h"
 #include "inference/estimate.h"
 #include "store/hdf5_io.h"
 
@@ -35,15 +35,11 @@ typedef struct prediction {
     pm_evaluation *laws;
 } prediction;
 
-// Time of sample k of estimate `id` since its first sample, NAN after its last one.
-static double time_of(const prediction *j, int id, int k) {
-    return pm_dataset_time(j->data, j->which[id], k) - pm_dataset_time(j->data, j->which[id], 0);
-}
-
 // Returns the length of trajectory `id`, s, with a little more for rounding.
 static double length_of(const prediction *j, int id) {
-    const int last = pm_dataset_length(j->data, j->which[id]) - 1;
-    return time_of(j, id, last) + EQUAL * j->system->scene->physics.dt;
+    const int which = j->which[id], last = pm_dataset_length(j->data, which) - 1;
+    return pm_dataset_time(j->data, which, last) - pm_dataset_time(j->data, which, 0) +
+           EQUAL * j->system->scene->physics.dt;
 }
 
 // Returns the length of the longest trajectory, s.

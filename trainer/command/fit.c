@@ -9,8 +9,8 @@
 #include <unistd.h>
 
 #include "base/options.h"
+#include "base/python.h"
 #include "command/tables.h"
-#include "evaluate/python.h"
 #include "fit/fit.h"
 #include "propose/propose.h"
 

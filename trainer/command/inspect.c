@@ -8,9 +8,9 @@
 
 #include "base/linalg.h"
 #include "base/options.h"
+#include "base/python.h"
 #include "command/tables.h"
 #include "data/hold.h"
-#include "evaluate/python.h"
 #include "store/dataset.h"
 
 // The standard deviation of a fourth difference 1 -4 6 -4 1 of white noise of deviation 1, and the

@@ -8,7 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "evaluate/python.h"
+#include "base/python.h"
 #include "store/hdf5_io.h"
 
 static const pm_python_program reader = {

@@ -80,7 +80,7 @@ static pm_status open_models(worker *w) {
         for (int k = 0; k < part->layout.ngroup; ++k) {
             wanted = wanted || has_temperature(&part->layout.group[k]);
         }
-        if (!wanted || system->part_owner[i] != i) {
+        if (!wanted || system->owner[i] != i) {
             continue;
         }
         pm_graph *g = NULL;
@@ -109,7 +109,7 @@ static void take_temperatures(const worker *w, pm_rollout *rollout, const double
     const pm_system *system = w->e->system;
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
         const pm_scene_subsystem *s = &system->scene->physics.subsystem[i];
-        const int owner = w->dE[i] != NULL ? i : system->part_owner[i];
+        const int owner = w->dE[i] != NULL ? i : system->owner[i];
         if (w->coenergy[owner] != NULL) {
             memcpy(w->z_in[owner], z + s->first, (size_t)s->layout.nz * sizeof *z);
             pm_program_run(w->coenergy[owner], 1);
@@ -338,10 +338,8 @@ pm_status pm_evaluation_new(pm_evaluation **evaluation, const pm_system *system,
                        "%s: dt is %.12g s, and the dataset's %.12g s is no multiple of it",
                        scene->path, scene->physics.dt, truth->dt);
     }
-    pm_evaluation *e = calloc(1, sizeof *e);
-    if (e == NULL) {
-        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
-    }
+    pm_evaluation *e = NULL;
+    PM_TRY(PM_NEW(e, "evaluate"));
     *e = (pm_evaluation){.system = system,
                          .truth = truth,
                          .count = count,

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "evaluate/python.h"
+#include "base/python.h"
 
 // Errors that a logarithmic axis cannot show are moved to the ends of its range, in per cent.
 #define SMALLEST 1e-12

@@ -5,7 +5,10 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/journal.h"
+
 #define MOST_LISTED 64 // subsystems that are named one by one
+#define MOST_TEXT 1024 // bytes of a name in JSON
 #define MOST_ROWS 8    // ports or subsystems whose quantities of one kind have a line each
 
 // The extremes of the laws over all rollouts.
@@ -230,17 +233,9 @@ void pm_evaluation_print(const pm_evaluation *e, const pm_evaluation *trained,
 // --- JSON ---
 
 static void json_text(const char *text) {
-    putchar('"');
-    for (const char *c = text; *c != 0; ++c) {
-        if (*c == '"' || *c == '\\') {
-            printf("\\%c", *c);
-        } else if ((unsigned char)*c < 0x20) {
-            printf("\\u%04x", (unsigned)(unsigned char)*c);
-        } else {
-            putchar(*c);
-        }
-    }
-    putchar('"');
+    char quoted[MOST_TEXT];
+    pm_json_quote(quoted, sizeof quoted, text);
+    fputs(quoted, stdout);
 }
 
 // Prints "name": value and the text `after`.

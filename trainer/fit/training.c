@@ -471,10 +471,8 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
 }
 
 pm_status pm_training_load(pm_training **training, const char *path) {
-    pm_training *t = calloc(1, sizeof *t);
-    if (t == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a training file");
-    }
+    pm_training *t = NULL;
+    PM_TRY(PM_NEW(t, "a training file"));
     pm_yaml_document *document = NULL;
     pm_yaml root;
     pm_status status = PM_OK;

@@ -110,10 +110,8 @@ static pm_status open_lanes(pm_objective *o, pm_graph *g, pm_arena *scratch) {
 
 pm_status pm_objective_open(pm_objective **objective, pm_system *system, const pm_samples *samples,
                             const pm_loss *loss) {
-    pm_objective *o = calloc(1, sizeof *o);
-    if (o == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a loss");
-    }
+    pm_objective *o = NULL;
+    PM_TRY(PM_NEW(o, "a loss"));
     o->system = system;
     o->samples = samples;
     o->loss = *loss;

@@ -398,10 +398,8 @@ static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_a
 
 pm_status pm_gauss_newton_open(pm_gauss_newton **form, pm_objective *objective, bool matrix,
                                const bool *frozen) {
-    pm_gauss_newton *n = calloc(1, sizeof *n);
-    if (n == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the normal equations");
-    }
+    pm_gauss_newton *n = NULL;
+    PM_TRY(PM_NEW(n, "the normal equations"));
     n->matrix = matrix;
     n->objective = objective;
     n->context = pm_objective_context(objective);

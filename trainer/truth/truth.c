@@ -59,10 +59,8 @@ pm_status pm_truth_load(pm_truth **result, const char *path, const pm_truth_simu
     pm_yaml_document *document = NULL;
     pm_yaml root;
     pm_status status = PM_OK;
-    pm_truth *truth = calloc(1, sizeof *truth);
-    if (truth == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
-    }
+    pm_truth *truth = NULL;
+    PM_TRY(PM_NEW(truth, path));
     PM_TRY_DONE(pm_yaml_open(&document, path, &root));
     truth->model.path = path;
     PM_TRY_DONE(read_root(truth, root, more));

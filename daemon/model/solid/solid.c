@@ -125,10 +125,8 @@ pm_status pm_solid_open(pm_solid **solid, const pm_solid_mesh *mesh,
                         const pm_solid_material *material) {
     const size_t nelement = (size_t)mesh->nelement, n = 3 * (size_t)mesh->nnode;
     pm_status status;
-    pm_solid *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a solid");
-    }
+    pm_solid *s = NULL;
+    PM_TRY(PM_NEW(s, "a solid"));
     pm_arena *a = &s->arena;
     s->mesh = mesh;
     s->material = material;

@@ -1,9 +1,9 @@
 // portmet-train correct: corrects the fields of a simulation by better known fields.
 #include "base/files.h"
 #include "base/options.h"
+#include "base/python.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
-#include "evaluate/python.h"
 
 typedef struct correct_arguments {
     const char *fields, *known, *trajectories, *output;

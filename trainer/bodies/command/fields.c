@@ -4,7 +4,7 @@
 #include <stdio.h>
 
 #include "base/options.h"
-#include "evaluate/python.h"
+#include "base/python.h"
 
 pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int **which,
                                int *count) {

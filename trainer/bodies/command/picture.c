@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "base/python.h"
 #include "bodies/bodies.h"
-#include "evaluate/python.h"
 
 #define MOST_FIELDS 16
 

@@ -4,12 +4,12 @@
 #include <string.h>
 
 #include "base/options.h"
+#include "base/python.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
 #include "bodies/modal/contact_part.h"
 #include "bodies/modal/reconstruct.h"
 #include "bodies/solid/solid_nodes.h"
-#include "evaluate/python.h"
 #include "sim/score.h"
 
 typedef struct reconstruct_arguments {
@@ -28,18 +28,13 @@ typedef struct field_report {
     const bool *trained; // [count] whether training saw the trajectory
 } field_report;
 
-static int count_of(const field_report *r, bool trained) {
+// Prints whiskers, quartiles, medians and means, in %, of the trajectories that training saw, or
+// did not see. `column` [count] is work space.
+static void print_part(const field_report *r, bool trained, double *column) {
     int count = 0;
     for (int i = 0; i < r->count; ++i) {
         count += r->trained[i] == trained;
     }
-    return count;
-}
-
-// Prints whiskers, quartiles, medians and means, in %, of the trajectories that training saw, or
-// did not see. `column` [count] is work space.
-static void print_part(const field_report *r, bool trained, double *column) {
-    const int count = count_of(r, trained);
     if (count == 0) {
         return;
     }

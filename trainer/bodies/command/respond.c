@@ -6,10 +6,10 @@
 #include <time.h>
 
 #include "base/options.h"
+#include "base/python.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
 #include "bodies/solid/solid_data.h"
-#include "evaluate/python.h"
 #include "scene/weights.h"
 #include "sim/score.h"
 

@@ -67,10 +67,8 @@ void pm_field_free(pm_field *field) {
 static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     const size_t nstate = (size_t)shape.ntrajectory * (size_t)shape.ntime;
     const size_t nnode = (size_t)shape.nnode;
-    pm_field *d = calloc(1, sizeof *d);
-    if (d == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a field");
-    }
+    pm_field *d = NULL;
+    PM_TRY(PM_NEW(d, "a field"));
     d->ntrajectory = shape.ntrajectory;
     d->ntime = shape.ntime;
     d->nnode = shape.nnode;

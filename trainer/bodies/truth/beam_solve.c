@@ -198,10 +198,8 @@ pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh, const pm_beam_
     const size_t nnode = (size_t)mesh->nnode, nelement = (size_t)mesh->nelement;
     const size_t nbody = (size_t)mesh->nbody;
     pm_status status = PM_OK;
-    pm_beam *beam = calloc(1, sizeof *beam);
-    if (beam == NULL) {
-        return pm_fail(PM_ENOMEM, "beam: out of memory");
-    }
+    pm_beam *beam = NULL;
+    PM_TRY(PM_NEW(beam, "beam"));
     pm_arena *arena = &beam->arena;
     const size_t vector = 3 * sizeof *beam->q;
     beam->mesh = mesh;

@@ -1,10 +1,12 @@
-"""Draws the pictures of portmet-train with gnuplot, the script of each beside it, and works on files of fields.
+"""Draws the pictures of portmet-train and portmetd with gnuplot, the script of each beside it, and works on files of fields.
 
     python3 pictures fit FOLDER                                       fit.png from fit.csv, if there is gnuplot
     python3 pictures evaluation FOLDER                                from the tables that `evaluate` wrote there
     python3 pictures estimate FOLDER DATA NAME SECONDS UNTIL          from predictions.h5 and the dataset NAME of DATA
     python3 pictures columns FOLDER DATA NAME                         measured.png: the dataset NAME of DATA
     python3 pictures boxes FOLDER TITLE TABLE TABLE LABEL...          errors.png: tested, and trained on ('': none)
+    python3 pictures bench NAME                                       NAME.png and .svg from NAME.txt, a block for each method
+    python3 pictures stress NAME                                      NAME.png and .svg from NAME.txt, a map
     python3 pictures bodies FIELD... --output FILE [options]          as `portmet-train picture --help` says
     python3 pictures xdmf FIELD                                       FIELD's name with .xdmf: for ParaView
     python3 pictures correct FILE COMMAND LIST FIELD FIELD            FILE: the first FIELD, corrected by the second
@@ -20,7 +22,7 @@ FILE = 4  # exit code
 
 
 def main(kind, *words):
-    if kind not in ("fit", "evaluation", "boxes"):
+    if kind not in ("fit", "evaluation", "boxes", "bench", "stress"):
         try:
             import h5py  # noqa: F401
         except ImportError as error:  # goes on with Debian's Python where this one has no packages
@@ -37,6 +39,9 @@ def main(kind, *words):
     elif kind in ("estimate", "columns"):
         import measured
         getattr(measured, kind)(*words)
+    elif kind in ("bench", "stress"):
+        import studies
+        getattr(studies, kind)(*words)
     else:
         import errors
         getattr(errors, kind)(*words)

@@ -1,5 +1,5 @@
 // Finds the Python package from the folder of the running program.
-#include "evaluate/python.h"
+#include "base/python.h"
 
 #include <errno.h>
 #include <limits.h>

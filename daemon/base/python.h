@@ -1,7 +1,7 @@
-// Programs of the Python package (daemon/python/portmet) that portmet-train calls: the reader of
+// Programs of the Python package (daemon/python/portmet) that the programs call: the reader of
 // tables, and the one that draws pictures with gnuplot.
-#ifndef PM_TRAINER_EVALUATE_PYTHON_H
-#define PM_TRAINER_EVALUATE_PYTHON_H
+#ifndef PM_BASE_PYTHON_H
+#define PM_BASE_PYTHON_H
 
 #include <stdbool.h>
 #include <stdio.h>
