@@ -50,6 +50,7 @@ typedef struct setting {
     double energy;           // J, drift of the total
     double produced;         // relative error of the entropy produced; 0 where there is none
     double seconds;          // of CPU time for a simulated second
+    double faster;           // than the scene, from the other starts; 0: not measured there
     pm_rollout_result first; // of the scene's own start
 } setting;
 
@@ -67,7 +68,9 @@ typedef struct bench {
     pm_start fresh[FRESH * STARTS]; // other starts
     int nfresh, nchoice;
     setting *choice[CHOICES];
-    double *error; // [CHOICES][FRESH * STARTS] shared: of the choices; -1: not measured
+    // [CHOICES][FRESH * STARTS] shared: errors of the choices, -1: not measured; how many times
+    // faster than the scene each is
+    double *error, *faster;
 } bench;
 
 // The relative error of the worst group of variables; groups of the same name are one.
@@ -164,29 +167,46 @@ static void measure(void *context, int task) {
     free(z);
 }
 
-// Measures the choices from a block of the other starts, against the first reference.
+// Measures the choices from a block of the other starts, against the first reference, and how many
+// times faster than the scene each is. All settings take turns, so that whatever else the machine
+// does slows them alike.
 static void measure_again(void *context, int task) {
+    enum { TRUTH, OWN, FIRST, LAST = FIRST + CHOICES };
     bench *b = context;
     const size_t size = (size_t)(b->steps + 1) * (size_t)b->base.scene->physics.nz;
-    double *truth = calloc((BLOCK + 1) * size, sizeof *truth), *z = truth + BLOCK * size;
-    for (int c = -1; c < b->nchoice && truth != NULL; ++c) {
-        pm_rollout_spec spec = {.factor = 1};
-        pm_setup setup;
-        spec.stepping = c < 0 ? b->reference[0].stepping : b->choice[c]->stepping;
-        spec.stepping.steps = b->steps;
-        const bool opened = pm_rollout_open(&setup, &b->base, b->text, &spec.stepping) == PM_OK;
-        for (int i = task * BLOCK; i < b->nfresh && i < (task + 1) * BLOCK && opened; ++i) {
+    pm_setup setup[LAST];
+    pm_rollout_spec spec[LAST];
+    double *truth = calloc(2 * size, sizeof *truth), *z = truth + size;
+    bool opened = truth != NULL;
+    memset(setup, 0, sizeof setup);
+    for (int s = 0; s < FIRST + b->nchoice; ++s) {
+        spec[s] = (pm_rollout_spec){.factor = 1};
+        spec[s].stepping = s == TRUTH ? b->reference[0].stepping
+                           : s == OWN ? b->setting[0].stepping
+                                      : b->choice[s - FIRST]->stepping;
+        spec[s].stepping.steps = b->steps;
+        opened =
+            opened && pm_rollout_open(&setup[s], &b->base, b->text, &spec[s].stepping) == PM_OK;
+    }
+    for (int i = task * BLOCK; i < b->nfresh && i < (task + 1) * BLOCK && opened; ++i) {
+        double own = INFINITY;
+        for (int s = 0; s < FIRST + b->nchoice; ++s) {
             pm_rollout_result result;
-            double *own = truth + (size_t)(i % BLOCK) * size;
-            pm_rollout_run(&setup, &b->fresh[i], &spec, c < 0 ? own : z, &result);
+            pm_rollout_run(&setup[s], &b->fresh[i], &spec[s], s == TRUTH ? truth : z, &result);
             const bool whole = result.status == PM_OK && result.steps == b->steps;
-            if (c < 0) {
-                own[0] = whole ? own[0] : NAN;
+            if (s == TRUTH) {
+                truth[0] = whole ? truth[0] : NAN;
+            } else if (s == OWN) {
+                own = whole ? result.seconds : INFINITY;
             } else {
-                b->error[c * FRESH * STARTS + i] = whole ? error_of(b, z, own) : INFINITY;
+                const int at = (s - FIRST) * FRESH * STARTS + i;
+                b->error[at] = whole ? error_of(b, z, truth) : INFINITY;
+                b->faster[at] = own / result.seconds;
             }
         }
-        pm_setup_free(&setup);
+    }
+    for (int s = 0; s < FIRST + b->nchoice; ++s) {
+        pm_setup_free(&setup[s]);
     }
     free(truth);
 }
@@ -224,9 +244,11 @@ static pm_status choose(bench *b, double target, double end) {
                                    end - pm_clock(), "other starts", b->options->stop));
         for (int c = 0; c < b->nchoice; ++c) {
             double *error = b->error + c * FRESH * STARTS;
+            double *faster = b->faster + c * FRESH * STARTS;
             int measured = 0;
             for (int i = 0; i < b->nfresh; ++i) {
                 if (error[i] >= 0) {
+                    faster[measured] = faster[i];
                     error[measured++] = error[i];
                 }
             }
@@ -235,6 +257,7 @@ static pm_status choose(bench *b, double target, double end) {
             }
             summarise(b->choice[c], measured, error);
             b->choice[c]->again = true;
+            b->choice[c]->faster = pm_box_of(measured, faster).median;
         }
     }
     return PM_OK;
@@ -249,6 +272,10 @@ static const char *describe(const setting *s, char *text, size_t size) {
                  s->stepping.substeps, s->stepping.substeps == 1 ? "" : "s");
     }
     return text;
+}
+
+static double times_faster(const setting *own, const setting *best) {
+    return best == own ? 1 : best->faster > 0 ? best->faster : own->seconds / best->seconds;
 }
 
 static pm_status report(const bench *b, double target) {
@@ -314,8 +341,7 @@ static pm_status report(const bench *b, double target) {
             printf("{\"integrator\":\"%s\",\"substeps\":%d,\"tolerance\":%g,\"error\":%.6g,"
                    "\"times_faster\":%.3g}}\n",
                    best->stepping.integrator->name, best->stepping.substeps,
-                   best->stepping.tolerance, best->error,
-                   fmin(own->seconds / best->seconds, DBL_MAX));
+                   best->stepping.tolerance, best->error, fmin(times_faster(own, best), DBL_MAX));
         }
     } else if (left > 0) {
         printf("\n%d of %d settings are left out: they need a larger --budget.\n", left,
@@ -376,7 +402,7 @@ static pm_status report(const bench *b, double target) {
         PM_TRY(status);
     }
     if (!json) {
-        const double faster = own->seconds / best->seconds;
+        const double faster = times_faster(own, best);
         char scene[64] = ", which is the scene's own setting";
         if (best != own && isfinite(own->error)) {
             snprintf(scene, sizeof scene, ": %.1f times %s than the scene",
@@ -428,7 +454,8 @@ static pm_status execute(const pm_run_options *options) {
     b.reference = pm_rollout_shared(2, sizeof *b.reference);
     b.truth = pm_rollout_shared(size, sizeof *b.truth);
     b.produced = pm_rollout_shared(2 * STARTS, sizeof *b.produced);
-    b.error = pm_rollout_shared(CHOICES * FRESH * STARTS, sizeof *b.error);
+    b.error = pm_rollout_shared(2 * CHOICES * FRESH * STARTS, sizeof *b.error);
+    b.faster = b.error == NULL ? NULL : b.error + CHOICES * FRESH * STARTS;
     b.nfresh = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1 + INT32_MAX, TRAJECTORIES,
                                  FRESH * b.nstart, 0, &b.base.arena, b.fresh);
     if (b.setting == NULL || b.reference == NULL || b.truth == NULL || b.produced == NULL ||
@@ -518,6 +545,6 @@ const pm_command pm_command_bench = {
         "costs and who waits for whom. It needs a private network, as `portmetd test` does.",
     .examples = "portmetd bench configs/double_pendulum.yaml\n"
                 "portmetd bench scene.yaml --error 1 --write faster.yaml",
-    .accepts = "steps weights study error json",
+    .accepts = "steps weights study error compiled json",
     .execute = execute,
 };

@@ -17,7 +17,8 @@
 #define BUDGET 60.0     // s, by default
 #define SHARE 0.4       // of the budget that all rollouts but the long one are planned to take
 #define LONG_SHARE 0.25 // of the budget for the long one
-#define LONG 1000000    // steps of the long one
+#define LONG 1000000    // steps of the long one, or
+#define MANY 1000       // times as many as --steps
 #define TRIAL 0.1       // s of CPU time in which the cost of a step is measured
 #define MOST_STEPS 500  // of a rollout
 #define LEAST_STEPS 20  // of a rollout, however slow the scene is
@@ -29,6 +30,7 @@
 #define FACTORS 3       // inputs times 2, 4, 8
 #define SETS 12         // rollouts in whose middle a subsystem is set to another state
 #define MOST_CASES 512  // rollouts
+#define MOST_TIMES 1e6  // that a step or inputs are multiplied by
 #define DRIFTS 0.01     // part of the energy moved from which the total counts as drifting
 #define BREAKS 0.1      // and as broken
 
@@ -41,6 +43,7 @@ typedef struct rollout {
     pm_rollout_spec spec;
     int length, distance; // place in the map; -1: it is not in the map
     bool own;             // within the training range, with the scene's own settings
+    bool longer, larger;  // step, or inputs, are doubled until it breaks
     bool done, refused;   // refused: the scene does not allow this step
     pm_rollout_result result;
 } rollout;
@@ -55,7 +58,7 @@ typedef struct stress {
 
 static verdict judge(const rollout *r) {
     const pm_rollout_result *result = &r->result;
-    const double drift = result->moved > 0 ? result->drift / result->moved : 0;
+    const double drift = result->drift > result->rounding ? result->drift / result->moved : 0;
     return result->status != PM_OK || result->violations > 0 || drift > BREAKS ? BROKEN
            : drift > DRIFTS                                                    ? DRIFTING
                                                                                : GOOD;
@@ -64,12 +67,19 @@ static verdict judge(const rollout *r) {
 static void measure(void *context, int i) {
     stress *t = context;
     rollout *r = &t->rollout[i];
-    pm_setup setup;
-    r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
-    if (!r->refused) {
-        pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
+    for (double times = 1; times <= MOST_TIMES; times *= 2) {
+        pm_setup setup;
+        r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
+        if (!r->refused) {
+            pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
+        }
+        pm_setup_free(&setup);
+        if (r->refused || judge(r) == BROKEN || !(r->longer || r->larger)) {
+            break;
+        }
+        r->spec.stepping.dt *= r->longer ? 2 : 1;
+        r->spec.factor *= r->larger ? 2 : 1;
     }
-    pm_setup_free(&setup);
     r->done = true;
 }
 
@@ -317,6 +327,15 @@ static pm_status execute(const pm_run_options *options) {
             t.rollout[t.count - 1].own = false;
         }
     }
+    for (int k = 0; k < (physics->nboundary_input > 0 ? 2 : 1); ++k) {
+        add(&t, k == 0 ? "dt doubled until it breaks" : "inputs doubled until it breaks",
+            &start[0][0], &own, k == 0 ? 1 << LENGTHS : 1, -1, 0);
+        rollout *last = &t.rollout[t.count - 1];
+        last->spec.factor = k == 0 ? 1 : 2 << FACTORS;
+        last->longer = k == 0;
+        last->larger = k == 1;
+        last->own = false;
+    }
     for (int d = 1; d < PM_NDRIVE && physics->nboundary_input > 0; ++d) {
         for (int i = 0; i < nstart[0] && i < BEYOND; ++i) {
             add(&t, drives[d], &start[0][i], &own, 1, -1, 0);
@@ -325,7 +344,7 @@ static pm_status execute(const pm_run_options *options) {
         }
     }
     if (t.base.boundary_input.end > LONG) {
-        own.steps = LONG;
+        own.steps = options->steps > 0 ? MANY * own.steps : LONG;
         add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
         t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
     }
@@ -343,23 +362,19 @@ const pm_command pm_command_stress = {
     .summary = "find where a scene breaks",
     .arguments = "SCENE",
     .help =
-        "Runs the scene in one process from starts within the training range and up to three "
-        "widths\n"
-        "of it beyond, with steps of 2, 4, ... 32 times the length, with inputs that are larger,\n"
-        "vanish, jump or change their sign in every step, with a subsystem that is set to another\n"
-        "state in the middle, and for up to a million steps. Prints for each kind how many "
-        "rollouts\n"
-        "were good, drifted (the total energy by more than 1 % of the energy that moves) or broke "
-        "(an\n"
-        "error, a violated law, no convergence, a drift of 10 %),\n"
-        "the largest drift and fall of the entropy, the steps outside the training range, and a "
-        "map\n"
-        "of start and step. --write writes the scene of the first failure, with its start. The "
-        "same\n"
-        "--seed takes the same starts. Exit code 14: the scene's own settings did not hold within\n"
-        "the training range.",
+        "Runs the scene in one process from starts within the training range and up to three\n"
+        "widths of it beyond, with steps of 2, 4, ... 32 times the length, and of twice as much\n"
+        "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
+        "step; with a subsystem that is set to another state in the middle; and for a million\n"
+        "steps, or as many as fit into a quarter of the --budget (--compiled: three times as\n"
+        "many). Prints for each kind how many rollouts were good, drifted (the total energy by\n"
+        "more than 1 % of the energy that moves) or broke (an error, a violated law, no\n"
+        "convergence, a drift of 10 %), the largest drift and fall of the entropy, the steps\n"
+        "outside the training range, and a map of start and step. --write writes the scene of the\n"
+        "first failure, with its start. The same --seed takes the same starts. Exit code 14: the\n"
+        "scene's own settings did not hold within the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",
-    .accepts = "steps weights study json",
+    .accepts = "steps weights study compiled json",
     .execute = execute,
 };

@@ -1,6 +1,7 @@
 // Rollouts in child processes that take one task after another.
 #include "study/rollout.h"
 
+#include <float.h>
 #include <math.h>
 #include <signal.h>
 #include <stdatomic.h>
@@ -21,6 +22,7 @@
 #define LOOK 20000000   // ns between two looks at the workers
 #define MOST_WORKERS 64 // processes
 #define TURN 10         // steps of a jump
+#define ROUNDINGS 16    // of the total energy in a step
 
 pm_status pm_rollout_open(pm_setup *setup, const pm_setup *base, const char *text,
                           const pm_stepping *stepping) {
@@ -32,6 +34,7 @@ pm_status pm_rollout_open(pm_setup *setup, const pm_setup *base, const char *tex
     PM_TRY_DONE(pm_scene_text_put_time(&changed, stepping));
     PM_TRY_DONE(pm_scene_parse(&scene, changed, base->scene->path));
     PM_TRY_DONE(pm_setup_open(setup, scene, base->weights));
+    setup->system->compiled = base->system->compiled;
     bool follows = false;
     for (int i = 0; i < scene->physics.nboundary_input; ++i) {
         const pm_scene_boundary_input *input = &scene->physics.boundary_input[i];
@@ -78,13 +81,16 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
     if (status == PM_OK) {
         memcpy(first, run.sample.energy, (size_t)physics->nsubsystem * sizeof *first);
     }
+    double size = 0; // J, of all energies
     const double started = cpu_clock();
     while (status == PM_OK) {
         const long step = run.sample.step;
-        double moved = 0, least = 0;
+        double moved = 0, least = 0, sum = 0;
         for (int i = 0; i < physics->nsubsystem; ++i) {
             moved += fabs(run.sample.energy[i] - first[i]);
+            sum += fabs(run.sample.energy[i]);
         }
+        size = fmax(size, sum);
         result->moved = fmax(result->moved, moved);
         if (z != NULL) {
             memcpy(z + (size_t)step * nz, run.sample.z, nz * sizeof *z);
@@ -142,6 +148,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
     result->status = status;
     snprintf(result->why, sizeof result->why, "%s", status == PM_OK ? "" : pm_error());
     result->drift = run.ledger.energy_drift;
+    result->rounding = ROUNDINGS * DBL_EPSILON * size * (double)(result->steps + 1);
     result->fall = run.ledger.worst_entropy_fall;
     result->produced = run.ledger.entropy - run.ledger.first_entropy;
     result->violations = run.ledger.violations;

@@ -44,6 +44,7 @@ typedef struct pm_rollout_result {
     double seconds;   // of CPU time
     double drift;     // J, largest drift of the total energy
     double moved;     // J, largest sum over the subsystems of how far their energies have moved
+    double rounding;  // J, that rounding alone may add to the drift
     double fall;      // J/K, largest fall of the total entropy over one step
     double produced;  // J/K, of entropy in all
     long violations;  // steps that violate a law, or on which an integrator that promises to keep

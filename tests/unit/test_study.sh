@@ -41,7 +41,9 @@ expect 2 "--seed" bench "$scene" --seed 0
 
 # stress: conduction of 300 W/K is too fast for 4 substeps of rk4; from a start within the range.
 succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300
+grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
+succeed "The scene's own settings held" stress "$configs/bouncing_masses.yaml" --steps 20 --budget 300 # moves nothing but by rounding
 sed -e 's/{K: 0.5}/{K: 300}/' -e 's/substeps: [0-9]*/substeps: 4/' -e '/^reference:/d' "$known" >"$folder/fast.yaml"
 sed -n 's/^reference: //p' "$known" | grep -q . || fail "expected a scene with a reference"
 echo "start: [1, 0.1, 0, 0, 0.02, 1, 0.2, 0, 0, 0.1]" >>"$folder/fast.yaml"
