@@ -63,7 +63,7 @@ function receive(message) {
     scene = message.scene;
     frames = [];
     health = null;
-    paused = scene.recording !== null;
+    paused = false;
     selected = -1;
     zoom = cursor = null;
     place = layOut(scene);
@@ -241,15 +241,15 @@ function drawArrow(svg, from, to, radius, widest, share, offset) {
 
 function drawGraph(frame) {
   const svg = byId("graph"), many = scene && scene.nodes.length > 24, focused = nodeInFocus();
-  const upright = scene && !many && scene.nodes.length > 1 && svg.clientWidth < 600;
-  svg.style.height = upright ? Math.max(230, 62 * Math.min(scene.nodes.length, 16)) + "px" : "";
+  const upright = scene && scene.nodes.length > 1 && svg.clientWidth < 600;
+  svg.style.height = upright ? Math.max(230, Math.min((many ? 14 : 62) * scene.nodes.length, 1000)) + "px" : "";
   const width = svg.clientWidth, height = svg.clientHeight;
   svg.replaceChildren();
   if (!scene || !width) return;
   const most = largestPower(), offset = lanes(), nodes = fit(width, height, upright);
   // Nodes are as large as the shortest edge allows.
   const shortest = Math.min(Infinity, ...scene.edges.map(e => Math.hypot(nodes[e.a][0] - nodes[e.b][0], nodes[e.a][1] - nodes[e.b][1])));
-  const radius = many ? 7 : Math.max(8, Math.min(22, 0.3 * shortest)), widest = many ? 10 : 1.2 * radius;
+  const radius = many ? Math.max(3, Math.min(7, 0.35 * shortest)) : Math.max(8, Math.min(22, 0.3 * shortest)), widest = (many ? 1.4 : 1.2) * radius;
   const named = upright || shortest > 70;
   scene.edges.forEach((e, k) => {
     const p = frame ? power(frame, k) : 0, share = most > 0 && p !== null ? Math.abs(p) / most : 0;
@@ -257,7 +257,7 @@ function drawGraph(frame) {
     drawArrow(svg, nodes[a], nodes[b], radius, widest, share, p < 0 ? -offset[k] : offset[k]);
     if (many || !named) return;
     const x = (nodes[e.a][0] + nodes[e.b][0]) / 2, y = (nodes[e.a][1] + nodes[e.b][1]) / 2;
-    const value = frame ? text(Math.abs(p), "W") : e.name;
+    const value = !frame ? e.name : p === null ? "-" : text(Math.abs(p), "W");
     if (upright) {
       element("text", {x: x + widest / 2 + 12, y: y + 4 + 15 * offset[k], class: "value beside"}, svg, value);
     } else {
@@ -691,7 +691,7 @@ function drawFacts(frame) {
   byId("state").textContent = state;
   byId("state").className = bad ? "bad" : "";
   byId("name").textContent = scene ? scene.name : "portmet";
-  byId("pause").textContent = paused ? "Follow" : "Pause";
+  byId("pause").textContent = !paused ? "Pause" : scene && scene.recording !== null ? "To the end" : "Follow";
   const at = byId("at");
   at.max = Math.max(0, frames.length - 1);
   at.value = shown;
@@ -706,7 +706,7 @@ function drawFacts(frame) {
   byId("violations").className = frame.violations > 0 ? "bad" : "";
   byId("energy-residual").textContent = "relative residual " + text(frame.energy_residual);
   byId("entropy-residual").textContent = "relative residual " + text(frame.entropy_residual);
-  byId("shown").textContent = paused ? "shown: " + text(frame.time, "s") : "follows the run";
+  byId("shown").textContent = paused ? "shown: " + text(frame.time, "s") : scene.recording !== null ? "the end is shown" : "follows the run";
 }
 
 // How much of the run the curves are made of.

@@ -66,6 +66,9 @@ expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts']
 expect "len(m['parts'][1]) == 2 and m['violations'] == 0 and abs(m['energy_residual']) < 1e-12"
 expect "abs(m['edges'][0][0] + m['edges'][1][0]) <= 1e-12 * abs(m['edges'][0][0]) != 0"
 expect "m['edges'][2][0] + m['edges'][3][0] >= 0"
+# Every sample counts, also those between two frames, and a frame holds their least and largest values.
+expect "m['seen'] == 21 and m['states'] == [[]]"
+expect "all(a <= b for a, b in zip(m.get('low', [[]])[0], m.get('high', [[]])[0]))"
 client listen health
 expect "m['steps'] == 30 and [r['name'] for r in m['rows']] == ['left', 'right']"
 expect "all(k in m['rows'][0] for k in ('waits_for', 'waits', 'busy', 'drops', 'loss', 'rate'))"
@@ -183,8 +186,19 @@ start recording view "$scene" --recording "$folder/plain.h5" --port 8081
 recording=$pid
 port=8081
 wait_until serves recording || fail "recording: no page"
+client listen scene
+expect "[s['name'].split('.')[0] for s in m['states']] == sorted(s['name'].split('.')[0] for s in m['states'])"
+expect "m['states'][0]['name'].startswith('left.') and m['states'][0]['unit'] != ''"
 client listen frame
-expect "m['step'] == 0 and m['violations'] is None"
+expect "m['step'] == 0 and m['violations'] is None and m['seen'] == 1"
+python3 -c 'import h5py' 2>/dev/null && {
+    client last
+    python3 -c 'import h5py, json, sys
+z = [v for part in ("left", "right") for v in h5py.File(sys.argv[2])["subsystems"][part]["z"][-1]]
+found = json.load(open(sys.argv[1]))["states"][0]
+sys.exit(len(z) != len(found) or any(abs(a - b) > 1e-12 * abs(a) for a, b in zip(z, found)))' \
+        "$folder/client.out" "$folder/plain.h5" || fail "the states of the last frame"
+}
 wait_until shows_step 30 || fail "the last frame of the recording never came"
 expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
 
@@ -234,7 +248,10 @@ if command -v chromium >/dev/null; then
     wait_until draws || fail "the browser shows no step: $(tail -n 3 "$folder/browser.log")"
     grep -q '<h1 id="name">pair</h1>' "$folder/page" || fail "the browser shows no name"
     grep -q '<text [^>]*>left</text>' "$folder/page" || fail "the browser shows no graph"
-    grep -q 'class="value">[0-9.]* [a-zµ]*W</text>' "$folder/page" || fail "the browser shows no power"
+    grep -q 'class="value[a-z ]*">[0-9.]* [a-zµ]*W</text>' "$folder/page" || fail "the browser shows no power"
+    grep -q '<option value="state ' "$folder/page" || fail "the browser offers no states"
+    grep -q 'aria-label="Energies over time, 2 curves"' "$folder/page" || fail "the browser draws no energies"
+    grep -q 'role="button" aria-pressed="false" aria-label="left, ' "$folder/page" || fail "no node for the keyboard"
 else
     echo "no chromium here: the page is not drawn"
 fi
