@@ -1,4 +1,4 @@
-// Blocks of copies are loaded into the lanes of an engine, stepped, and stored, so that a block
+// Blocks of copies are loaded into the lanes of a program, stepped, and stored, so that a block
 // stays in the cache for all steps of a call, and memory for a copy is its state.
 #include "library/fleet.h"
 
@@ -10,37 +10,47 @@
 
 #include "base/lanes.h"
 #include "library/fleet_gradient.h"
+#include "library/rates.h"
+#include "sim/lanes.h"
 
 #define MOST_THREADS 256
 
-// An engine for `copies` copies of the scene.
-typedef struct engine {
-    pm_monolithic *monolithic; // NULL: the fleet needs none
-    pm_boundary_input input;
-    int copies;
-    double *z, *held; // [copies][nz], [copies][nprescribed]
-} engine;
+// A scene of more subsystems and ports has lanes of its own in the engine.
+#define MOST_COMPONENTS 100
 
 // Each thread has one of these, and steps blocks of copies with it.
 struct pm_fleet_worker {
     pm_fleet *fleet;
-    engine together, alone;
+    pm_monolithic *alone; // steps one copy
+    pm_boundary_input input;
+    pm_rates rates, potentials; // of all lanes; without programs: copies are stepped alone
+    double *z, *k, *stage;      // [nz][lanes], [nstage][nz][lanes], [nz][lanes]
+    double *row;                // [nprescribed] work space, as is `changed` [lanes]
+    uint64_t *changed;
     pthread_t thread;
 };
 
 // --- opening ---
 
-static pm_status open_engine(engine *e, pm_fleet *fleet, const pm_system *system, int copies) {
-    const pm_physics *physics = &system->scene->physics; // of all copies
-    e->copies = copies;
-    e->z = pm_arena_array(&fleet->arena, (size_t)physics->nz, sizeof *e->z);
-    e->held = pm_arena_array(&fleet->arena, (size_t)physics->nprescribed, sizeof *e->held);
+static pm_status open_worker(pm_fleet *fleet, pm_fleet_worker *w, int lanes) {
+    const pm_setup *setup = fleet->setup;
+    const pm_physics *physics = &setup->scene->physics;
+    const size_t size = (size_t)physics->nz * (size_t)lanes;
+    w->fleet = fleet;
+    w->z = pm_arena_array(&fleet->arena, size, sizeof *w->z);
+    w->k = pm_arena_array(&fleet->arena, size * PM_MAX_STAGES, sizeof *w->k);
+    w->stage = pm_arena_array(&fleet->arena, size, sizeof *w->stage);
+    w->row = pm_arena_array(&fleet->arena, (size_t)physics->nprescribed, sizeof *w->row);
+    w->changed = pm_arena_array(&fleet->arena, (size_t)lanes, sizeof *w->changed);
     PM_TRY(pm_arena_status(&fleet->arena, "copies of a scene"));
-    PM_TRY(pm_monolithic_open(&e->monolithic, system));
-    e->input = fleet->setup->boundary_input;
-    e->input.copies = copies;
-    e->input.held = e->held;
-    pm_monolithic_set_boundary_input(e->monolithic, &e->input);
+    PM_TRY(pm_monolithic_open(&w->alone, setup->system));
+    PM_TRY(pm_monolithic_keep_steps(w->alone));
+    w->input = setup->boundary_input;
+    pm_monolithic_set_boundary_input(w->alone, &w->input);
+    if (fleet->lanes > 0) {
+        PM_TRY(pm_rates_open(&w->rates, setup->system, PM_RATES, lanes, 0, NULL));
+        PM_TRY(pm_rates_open(&w->potentials, setup->system, PM_POTENTIALS, lanes, 0, NULL));
+    }
     return PM_OK;
 }
 
@@ -53,16 +63,12 @@ pm_status pm_fleet_open(pm_fleet *fleet, const pm_setup *setup, int64_t count, i
                        "scene %s: %lld copies and %d threads: expected 1 to %d, and 0 to %d",
                        setup->scene->name, (long long)count, threads, INT_MAX, MOST_THREADS);
     }
-    const pm_system *together = NULL;
     const size_t n = (size_t)count, nz = (size_t)physics->nz;
     const bool by_state =
         !pm_physics_is_adaptive(physics) && !pm_integrator_keeps_energy(physics->integrator);
-    const int64_t nblock = (count + PM_MOST_LANES - 1) / PM_MOST_LANES;
-    // Blocks of equal size, of whole vectors.
-    fleet->lanes = count < PM_LANES
-                       ? (int)count
-                       : (int)((count + nblock * PM_LANES - 1) / (nblock * PM_LANES)) * PM_LANES;
-    fleet->lanes = by_state ? fleet->lanes : 1;
+    if (by_state && physics->nsubsystem + physics->nport <= MOST_COMPONENTS) {
+        fleet->lanes = pm_rates_lanes(count);
+    }
     fleet->nworker = threads > 0 ? threads : (int)sysconf(_SC_NPROCESSORS_ONLN);
     fleet->nworker = fleet->nworker < 1 ? 1 : fleet->nworker;
     fleet->worker = pm_arena_array(&fleet->arena, (size_t)fleet->nworker, sizeof *fleet->worker);
@@ -76,21 +82,13 @@ pm_status pm_fleet_open(pm_fleet *fleet, const pm_setup *setup, int64_t count, i
     fleet->step = pm_arena_array(&fleet->arena, n, sizeof *fleet->step);
     fleet->ended = pm_arena_array(&fleet->arena, n, sizeof *fleet->ended);
     fleet->chosen = pm_arena_array(&fleet->arena, n, sizeof *fleet->chosen);
-    fleet->first = pm_arena_array(&fleet->arena, n + 1, sizeof *fleet->first);
     PM_TRY(pm_arena_status(&fleet->arena, "%lld copies of scene %s", (long long)count,
                            setup->scene->name));
-    if (fleet->lanes > 1) {
-        PM_TRY(pm_system_repeat(&together, setup->system, fleet->lanes, &fleet->arena));
-    }
     for (int i = 0; i < fleet->nworker; ++i) {
-        pm_fleet_worker *w = &fleet->worker[i];
-        w->fleet = fleet;
-        PM_TRY(open_engine(&w->alone, fleet, setup->system, 1));
-        PM_TRY(pm_monolithic_keep_steps(w->alone.monolithic));
-        PM_TRY(together == NULL ? PM_OK : open_engine(&w->together, fleet, together, fleet->lanes));
+        PM_TRY(open_worker(fleet, &fleet->worker[i], fleet->lanes > 0 ? fleet->lanes : 1));
     }
     pm_serializer counter = pm_serializer_count("copy");
-    pm_monolithic_record(fleet->worker[0].alone.monolithic, &counter);
+    pm_monolithic_record(fleet->worker[0].alone, &counter);
     fleet->nrecord = by_state ? 0 : counter.count;
     fleet->record = pm_arena_array(&fleet->arena, n * (size_t)fleet->nrecord + 1, sizeof(double));
     PM_TRY(pm_arena_status(&fleet->arena, "%lld copies", (long long)count));
@@ -110,8 +108,9 @@ pm_status pm_fleet_open(pm_fleet *fleet, const pm_setup *setup, int64_t count, i
 
 void pm_fleet_close(pm_fleet *fleet) {
     for (int i = 0; i < fleet->nworker && fleet->worker != NULL; ++i) {
-        pm_monolithic_close(fleet->worker[i].together.monolithic);
-        pm_monolithic_close(fleet->worker[i].alone.monolithic);
+        pm_monolithic_close(fleet->worker[i].alone);
+        pm_rates_close(&fleet->worker[i].rates);
+        pm_rates_close(&fleet->worker[i].potentials);
     }
     pm_fleet_gradient_close(fleet->gradient);
     pthread_mutex_destroy(&fleet->lock);
@@ -120,43 +119,35 @@ void pm_fleet_close(pm_fleet *fleet) {
 
 // --- steps ---
 
-// Takes over state and inputs of n copies; lanes behind the last repeat it. A copy continues its
-// run unless the caller has changed its state, from which a run then begins.
-static void load(engine *e, const pm_fleet *fleet, const int64_t *copy, int64_t n) {
+// Takes over the state and the inputs of a copy. It continues its run unless the caller has changed
+// its state, from which a run then begins.
+static void load(pm_fleet_worker *w, int64_t copy) {
+    const pm_fleet *fleet = w->fleet;
     const pm_physics *physics = &fleet->setup->scene->physics;
-    const size_t nz = (size_t)physics->nz, ninput = (size_t)physics->nprescribed;
-    for (int c = 0; c < e->copies; ++c) {
-        const size_t from = (size_t)copy[c < n ? c : n - 1];
-        memcpy(e->z + (size_t)c * nz, fleet->z + from * nz, nz * sizeof *e->z);
-        if (ninput > 0) {
-            memcpy(e->held + (size_t)c * ninput, fleet->input + from * ninput,
-                   ninput * sizeof *e->held);
-        }
-    }
-    const double *record = fleet->record + copy[0] * fleet->nrecord;
-    if (fleet->nrecord > 0 && memcmp(record, e->z, nz * sizeof *record) == 0) {
+    const double *z = fleet->z + copy * physics->nz,
+                 *record = fleet->record + copy * fleet->nrecord;
+    w->input.held = fleet->input + copy * physics->nprescribed;
+    if (fleet->nrecord > 0 && memcmp(record, z, (size_t)physics->nz * sizeof *z) == 0) {
         pm_serializer restore = pm_serializer_restore("copy", record);
-        pm_monolithic_record(e->monolithic, &restore);
+        pm_monolithic_record(w->alone, &restore);
     } else {
-        pm_monolithic_set_state(e->monolithic, e->z);
+        pm_monolithic_set_state(w->alone, z);
     }
-    pm_monolithic_set_step(e->monolithic, (long)fleet->step[copy[0]]);
+    pm_monolithic_set_step(w->alone, (long)fleet->step[copy]);
 }
 
-static void store(engine *e, pm_fleet *fleet, const int64_t *copy, int64_t n, int64_t steps) {
-    const pm_sample *sample = pm_monolithic_sample(e->monolithic);
-    const int nz = fleet->setup->scene->physics.nz, count = fleet->setup->scene->physics.nsubsystem;
-    for (int c = 0; c < n; ++c) {
-        memcpy(fleet->z + copy[c] * nz, sample->z + (ptrdiff_t)c * nz, (size_t)nz * sizeof *e->z);
-        for (int i = 0; i < count; ++i) {
-            fleet->energy[copy[c] * count + i] = sample->energy[(ptrdiff_t)i * e->copies + c];
-            fleet->entropy[copy[c] * count + i] = sample->entropy[(ptrdiff_t)i * e->copies + c];
-        }
-        fleet->step[copy[c]] += steps;
-    }
+static void store(pm_fleet_worker *w, int64_t copy, int64_t steps) {
+    pm_fleet *fleet = w->fleet;
+    const pm_sample *sample = pm_monolithic_sample(w->alone);
+    const size_t nz = (size_t)fleet->setup->scene->physics.nz;
+    const size_t count = (size_t)fleet->setup->scene->physics.nsubsystem, at = (size_t)copy;
+    memcpy(fleet->z + at * nz, sample->z, nz * sizeof *sample->z);
+    memcpy(fleet->energy + at * count, sample->energy, count * sizeof *sample->energy);
+    memcpy(fleet->entropy + at * count, sample->entropy, count * sizeof *sample->entropy);
+    fleet->step[copy] += steps;
     if (fleet->nrecord > 0) {
-        pm_serializer save = pm_serializer_save("copy", fleet->record + copy[0] * fleet->nrecord);
-        pm_monolithic_record(e->monolithic, &save);
+        pm_serializer save = pm_serializer_save("copy", fleet->record + copy * fleet->nrecord);
+        pm_monolithic_record(w->alone, &save);
     }
 }
 
@@ -172,12 +163,11 @@ static void step_alone(pm_fleet_worker *w, int64_t copy) {
         }
     }
     if (status == PM_OK) {
-        load(&w->alone, fleet, &copy, 1);
-        while (steps < fleet->steps &&
-               (status = pm_monolithic_step(w->alone.monolithic)) == PM_OK) {
+        load(w, copy);
+        while (steps < fleet->steps && (status = pm_monolithic_step(w->alone)) == PM_OK) {
             ++steps;
         }
-        store(&w->alone, fleet, &copy, 1, steps);
+        store(w, copy, steps);
     }
     if (status != PM_OK) {
         fleet->ended[copy] = (int)status;
@@ -191,46 +181,85 @@ static void step_alone(pm_fleet_worker *w, int64_t copy) {
     }
 }
 
-// Takes the steps of a block of copies.
+// Returns true if nothing speaks against the states of a worker's copies after `step` steps, and
+// against `more` to come. Where something may, the engine decides.
+static bool are_good(pm_fleet_worker *w, const pm_copies *c, int64_t step, bool more) {
+    const pm_fleet *fleet = w->fleet;
+    const pm_scene *scene = fleet->setup->scene;
+    const pm_physics *physics = &scene->physics;
+    const int64_t size = (int64_t)physics->nsubsystem * c->lanes;
+    bool good = !pm_lanes_any_not_finite((int64_t)physics->nz * c->lanes, w->z) &&
+                !pm_lanes_any_not_finite(size, w->potentials.E) &&
+                !pm_lanes_any_not_finite(size, w->potentials.S);
+    for (int i = 0; i < physics->nsubsystem && scene->run.largest_departure < INFINITY; ++i) {
+        pm_lanes_outside(pm_training_range_of(fleet->setup->system->part[i]), c->lanes,
+                         w->z + (ptrdiff_t)physics->subsystem[i].first * c->lanes, w->changed);
+        good = good && !pm_lanes_any(c->lanes, w->changed);
+    }
+    for (int l = 0; l < c->used && more && fleet->setup->boundary_input.end < LONG_MAX; ++l) {
+        w->input.held = c->held + c->copy[l] * physics->nprescribed;
+        good = good && pm_boundary_input_covers(&w->input, (long)(c->step[c->copy[l]] + step));
+    }
+    return good;
+}
+
+// Takes the steps of a block of copies in lanes. Returns false if a copy may not be able to take
+// them all; all copies are then as they were.
+static bool step_together(pm_fleet_worker *w, const pm_copies *c) {
+    pm_fleet *fleet = w->fleet;
+    const pm_physics *physics = &fleet->setup->scene->physics;
+    pm_copies_gather(c, physics->nz, fleet->z, w->z);
+    w->rates.shown = NULL;
+    for (int64_t step = 0; step <= fleet->steps; ++step) {
+        pm_rates_run(&w->potentials, c, 0, 0, w->z);
+        if (!are_good(w, c, step, step < fleet->steps)) {
+            return false;
+        }
+        for (int s = 0; s < physics->substeps && step < fleet->steps; ++s) {
+            pm_rates_substep(&w->rates, c, step * physics->substeps + s, w->z, w->k, w->stage, 0);
+        }
+    }
+    pm_copies_scatter(c, physics->nz, w->z, fleet->z);
+    pm_copies_scatter(c, physics->nsubsystem, w->potentials.E, fleet->energy);
+    pm_copies_scatter(c, physics->nsubsystem, w->potentials.S, fleet->entropy);
+    for (int l = 0; l < c->used; ++l) {
+        fleet->step[c->copy[l]] += fleet->steps;
+    }
+    return true;
+}
+
 static void step_block(void *context, int worker, int64_t block) {
     pm_fleet *fleet = context;
     pm_fleet_worker *w = &fleet->worker[worker];
-    const int64_t *copy = fleet->chosen + fleet->first[block];
-    const int64_t n = fleet->first[block + 1] - fleet->first[block];
-    pm_status status = n > 1 ? PM_OK : PM_ENUMERIC;
-    if (n > 1) {
-        load(&w->together, fleet, copy, n);
-    }
-    for (int64_t k = 0; k < fleet->steps && status == PM_OK; ++k) {
-        status = pm_monolithic_step(w->together.monolithic);
-    }
-    if (status == PM_OK) {
-        store(&w->together, fleet, copy, n, fleet->steps);
-    }
-    for (int64_t k = 0; k < n && status != PM_OK; ++k) { // some of them cannot take all steps
-        step_alone(w, copy[k]);
+    const int lanes = w->rates.program != NULL ? fleet->lanes : 1;
+    const int64_t first = block * lanes, left = fleet->nchosen - first;
+    const pm_copies copies = {.setup = fleet->setup,
+                              .lanes = lanes,
+                              .used = left < lanes ? (int)left : lanes,
+                              .copy = fleet->chosen + first,
+                              .step = fleet->step,
+                              .held = fleet->input,
+                              .row = w->row,
+                              .changed = w->changed};
+    if (w->rates.program == NULL || w->potentials.program == NULL || !step_together(w, &copies)) {
+        for (int l = 0; l < copies.used; ++l) {
+            step_alone(w, copies.copy[l]);
+        }
     }
 }
 
 void pm_fleet_step(pm_fleet *fleet, int64_t steps) {
-    const bool times = fleet->setup->boundary_input.end < LONG_MAX; // inputs follow the time
-    int64_t n = 0;
-    fleet->nblock = 0;
+    const int lanes = fleet->worker[0].rates.program != NULL ? fleet->lanes : 1;
+    fleet->nchosen = 0;
     for (int64_t i = 0; i < fleet->count; ++i) {
         if (fleet->ended[i] == 0) {
-            const int64_t begin = fleet->nblock > 0 ? fleet->first[fleet->nblock - 1] : 0;
-            if (n == 0 || n - begin == fleet->lanes ||
-                (times && fleet->step[i] != fleet->step[fleet->chosen[begin]])) {
-                fleet->first[fleet->nblock++] = n;
-            }
-            fleet->chosen[n++] = i;
+            fleet->chosen[fleet->nchosen++] = i;
         }
     }
-    fleet->first[fleet->nblock] = n;
     fleet->steps = steps;
     fleet->failed = fleet->count;
     fleet->why[0] = '\0';
-    pm_fleet_share(fleet, fleet->nblock, step_block, fleet);
+    pm_fleet_share(fleet, (fleet->nchosen + lanes - 1) / lanes, step_block, fleet);
 }
 
 // --- threads ---

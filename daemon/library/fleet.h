@@ -1,8 +1,9 @@
 // Copies of one scene that differ in their states and boundary inputs, for Monte Carlo, control by
-// sampling and learning. The copies are lanes of the engine (sim/engine.h) in blocks that threads
-// share, and every copy has the bits of a run alone (local_run.h), for any number of copies and
-// threads. Scenes whose steps depend on more than their state (an adaptive or implicit or balanced
-// integrator) are stepped copy by copy, and the fleet keeps what their runs continue with.
+// sampling and learning. Copies are lanes of a program of the rates of the whole scene (rates.h),
+// in blocks that threads share, and every copy has the bits of a run alone (local_run.h), for any
+// number of copies and threads. Scenes whose steps depend on more than their state (an adaptive or
+// implicit or balanced integrator), and scenes of many parts, are stepped copy by copy by the
+// engine, and the fleet keeps what their runs continue with.
 //
 // A fleet has no ledger, so that the guard `energy_drift` and the tolerances of both laws do not
 // end a copy. A copy whose step fails for another reason ends in the state before that step.
@@ -40,8 +41,7 @@ typedef struct pm_fleet {
     int nworker;
     pm_fleet_worker *worker; // [nworker]
     int64_t *chosen;         // [count] the copies that take the steps of a call
-    int64_t *first;          // [count + 1] where each block begins among them
-    int64_t nblock, steps;   // of the present call
+    int64_t nchosen, steps;  // of the present call
     int64_t failed;          // the first copy that has ended in the present call
     pthread_mutex_t lock;    // protects `failed` and `why`
     // The blocks that the workers share at present (pm_fleet_share).

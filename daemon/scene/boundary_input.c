@@ -120,7 +120,6 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
     *b = (pm_boundary_input){.n = scene->physics.nprescribed,
                              .stride = 1,
                              .end = LONG_MAX,
-                             .copies = 1,
                              .scene = scene,
                              .even = true,
                              .unit = 1};
@@ -345,9 +344,8 @@ bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step
     if (step < boundary_input->end) {
         return true;
     }
-    for (int k = 0; k < boundary_input->copies * boundary_input->n; ++k) {
-        const int i = k % boundary_input->n;
-        const bool held = boundary_input->held != NULL && !isnan(boundary_input->held[k]);
+    for (int i = 0; i < boundary_input->n; ++i) {
+        const bool held = boundary_input->held != NULL && !isnan(boundary_input->held[i]);
         const bool live = boundary_input->live != NULL && boundary_input->live_id[i] >= 0;
         if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT && !held && !live) {
             return false;
@@ -376,11 +374,7 @@ void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, do
         const int live_id = boundary_input->live_id[i];
         value[i] = live_id >= 0 ? boundary_input->live[live_id] : value[i];
     }
-    const int n = boundary_input->n, all = boundary_input->copies * n;
-    for (int i = n; i < all; ++i) {
-        value[i] = value[i - n];
-    }
-    for (int i = 0; i < all && boundary_input->held != NULL; ++i) {
+    for (int i = 0; i < boundary_input->n && boundary_input->held != NULL; ++i) {
         value[i] = isnan(boundary_input->held[i]) ? value[i] : boundary_input->held[i];
     }
 }

@@ -49,9 +49,8 @@ typedef struct pm_boundary_input {
     int *live_id;          // [n] among the values of all live inputs; -1: not live
     const double *live; // [scene->nlive] borrowed, the values that hold in the present step; NULL:
                         // a live value follows its column if the dataset has one, else it stays 0
-    int copies; // of a system (pm_system_repeat): the scene's values stand for each; at first 1
-    const double *held; // [copies][n] borrowed; a number replaces the scene's value, NaN does not;
-                        // NULL: no value is replaced
+    const double *held; // [n] borrowed; a number replaces the scene's value, NaN does not; NULL: no
+                        // value is replaced
     double *value;      // [n] work space
     // Positions in the trajectory that is followed are numbers of samples where these are `unit`
     // seconds apart, and else s after the first sample, with unit 1.
@@ -102,7 +101,7 @@ void pm_boundary_input_over(const pm_boundary_input *boundary_input, double from
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step);
 
 // Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value
-// [copies][n], in the SI units of the groups. Beyond the end of the trajectory the last polynomial
+// [n], in the SI units of the groups. Beyond the end of the trajectory the last polynomial
 // continues.
 void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,
                           double *value);

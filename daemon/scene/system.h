@@ -44,12 +44,6 @@ pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *
 // Makes a system for training, with the scene's layouts. The caller sets specs and parameters.
 // PM_ENOMEM.
 pm_status pm_system_new(pm_system **system, const pm_scene *scene);
-// Makes a system of `count` copies of another one, whose models they share and which must outlive
-// it. Copy c of subsystem, port and boundary input number i has the position i count + c, its state
-// begins behind c physics->nz components, and its inputs behind c physics->nprescribed values. It
-// is for stepping alone, and has no components. All memory belongs to the arena. PM_ENOMEM.
-pm_status pm_system_repeat(const pm_system **repeated, const pm_system *system, int count,
-                           pm_arena *arena);
 void pm_system_free(pm_system *system); // NULL is allowed
 
 // Return the number of components, and the parameters of one, which the system owns.

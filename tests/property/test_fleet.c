@@ -111,6 +111,72 @@ static void copies_have_the_bits_of_one_alone(void **state) {
     }
 }
 
+static double *some(int64_t n, uint64_t stream) {
+    double *x = calloc((size_t)n + 1, sizeof *x);
+    pm_rng rng;
+    assert_non_null(x);
+    pm_rng_init(&rng, 11, stream);
+    for (int64_t i = 0; i < n && stream > 0; ++i) {
+        x[i] = 0.1 * pm_rng_normal(&rng);
+    }
+    return x;
+}
+
+static void open_shipped(pm_setup *setup, const char *name) {
+    pm_scene *scene = NULL;
+    char path[200];
+    snprintf(path, sizeof path, "configs/%s.yaml", name);
+    *setup = (pm_setup){0};
+    if (pm_scene_load(&scene, path) != PM_OK || pm_setup_open(setup, scene, NULL) != PM_OK ||
+        pm_setup_complete(setup, PM_TO_SERVE) != PM_OK) {
+        fail_msg("%s", pm_error());
+    }
+}
+
+// Inputs follow a table, energies are learned, bodies touch: each copy at a time of its own.
+static void copies_of_shipped_scenes_have_the_bits_of_the_engine(void **state) {
+    (void)state;
+    static const char *const names[] = {"driven_lower", "gas_containers", "bouncing_masses",
+                                        "chain_3", "double_pendulum"};
+    for (size_t i = 0; i < sizeof names / sizeof *names; ++i) {
+        pm_setup setup;
+        pm_fleet fleet;
+        pm_monolithic *alone;
+        open_shipped(&setup, names[i]);
+        const int nz = setup.scene->physics.nz;
+        assert_int_equal(pm_fleet_open(&fleet, &setup, 11, 2), PM_OK);
+        double *start = some(11 * nz, 7);
+        for (int64_t k = 0; k < 11 * nz; ++k) {
+            start[k] = fleet.z[k] *= 1 + 0.01 * start[k];
+        }
+        for (int k = 0; k < 11; ++k) {
+            fleet.step[k] = 3 * k;
+        }
+        pm_fleet_step(&fleet, 4);
+        assert_string_equal(fleet.why, "");
+        assert_int_equal(pm_monolithic_open(&alone, setup.system), PM_OK);
+        pm_monolithic_set_boundary_input(alone, &setup.boundary_input);
+        for (int k = 0; k < 11; ++k) {
+            pm_monolithic_set_state(alone, start + k * nz);
+            pm_monolithic_set_step(alone, 3 * k);
+            for (int step = 0; step < 4; ++step) {
+                assert_int_equal(pm_monolithic_step(alone), PM_OK);
+            }
+            const pm_sample *sample = pm_monolithic_sample(alone);
+            const int n = setup.scene->physics.nsubsystem;
+            if (memcmp(sample->z, fleet.z + k * nz, (size_t)nz * sizeof(double)) != 0 ||
+                memcmp(sample->energy, fleet.energy + k * n, (size_t)n * sizeof(double)) != 0 ||
+                memcmp(sample->entropy, fleet.entropy + k * n, (size_t)n * sizeof(double)) != 0) {
+                fail_msg("%s: copy %d has other bits than the engine", names[i], k);
+            }
+        }
+        free(start);
+        pm_monolithic_close(alone);
+        pm_fleet_close(&fleet);
+        pm_setup_free(&setup);
+    }
+}
+
 // A copy that fails ends in the state before its step, and no other copy notices.
 static void copies_end_and_rest_alone(void **state) {
     (void)state;
@@ -181,17 +247,6 @@ typedef struct derived {
     double *input, *seed, *d_start, *d_input, *d_weight; // as in fleet_gradient.h
     double *z, *dz, *by_start, *by_input, *by_weight;
 } derived;
-
-static double *some(int64_t n, uint64_t stream) {
-    double *x = calloc((size_t)n + 1, sizeof *x);
-    pm_rng rng;
-    assert_non_null(x);
-    pm_rng_init(&rng, 11, stream);
-    for (int64_t i = 0; i < n && stream > 0; ++i) {
-        x[i] = 0.1 * pm_rng_normal(&rng);
-    }
-    return x;
-}
 
 static void derive(derived *d, pm_fleet *fleet, int64_t pieces, int64_t steps) {
     const pm_setup *setup = fleet->setup;
@@ -334,16 +389,6 @@ static void long_rollouts_are_taken_in_segments(void **state) {
     pm_setup_free(&setup);
 }
 
-static void open_driven(pm_setup *setup) {
-    pm_scene *scene = NULL;
-    *setup = (pm_setup){0};
-    if (pm_scene_load(&scene, "configs/driven_lower.yaml") != PM_OK ||
-        pm_setup_open(setup, scene, NULL) != PM_OK ||
-        pm_setup_complete(setup, PM_TO_SERVE) != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
-
 // Weights are those of the first component here; all numbers change along the direction of copy 0.
 static void weights_have_derivatives(void **state) {
     (void)state;
@@ -351,7 +396,7 @@ static void weights_have_derivatives(void **state) {
     pm_fleet fleet;
     derived d;
     const double by = 1e-5;
-    open_driven(&setup);
+    open_shipped(&setup, "driven_lower");
     const int nz = setup.scene->physics.nz;
     assert_int_equal(pm_fleet_open(&fleet, &setup, 2, 1), PM_OK);
     derive(&d, &fleet, 2, 3);
@@ -424,6 +469,7 @@ static void wrong_numbers_are_refused(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(copies_have_the_bits_of_one_alone),
+        cmocka_unit_test(copies_of_shipped_scenes_have_the_bits_of_the_engine),
         cmocka_unit_test(copies_end_and_rest_alone),
         cmocka_unit_test(saved_copies_go_on),
         cmocka_unit_test(wrong_numbers_are_refused),
