@@ -21,7 +21,7 @@ TARGET, FASTEST = numpy.array([2.0, -7.0]), 1.0  # m from where the pivot begins
 HOLD, PIECES, SECONDS = 10, 20, 18.0  # steps for which a velocity holds, velocities of a plan, length of a run
 EFFORT = 0.02                         # weight of velocity squared beside distance squared
 
-model = portmet.Scene(SCENE)
+model = portmet.Scene(SCENE, compiled=True)
 PIECE = HOLD * model.dt
 VELOCITY = model.input_columns("pivot.dE/dp")
 UPPER, LOWER, P, P_UPPER = (slice(model.variables.index(f"{name}[0]"), model.variables.index(f"{name}[1]") + 1)
@@ -50,6 +50,8 @@ def cost(plan, states, pivot):
 class Gradient:
     """Improves a plan by some iterations of L-BFGS."""
 
+    ITERATIONS = 10  # of each plan after the first
+
     def __init__(self):
         self.copy = portmet.Fleet(model, 1)
 
@@ -67,6 +69,8 @@ class Gradient:
 
 class Sampling:
     """Replaces a plan by the mean of random plans around it, where cheap ones count more."""
+
+    ITERATIONS = 4
 
     def __init__(self, n=128):
         self.copies, self.random = portmet.Fleet(model, n), numpy.random.default_rng(0)
@@ -87,7 +91,7 @@ def run(pendulum, move, planner):
     """Lets a planner move the pivot. Returns how far the lower mass is from the target then, m, and |p|, kg m/s."""
     plan, pivot = numpy.zeros((PIECES, 2)), numpy.zeros(2)
     for piece in range(round(SECONDS / PIECE)):
-        plan = planner.improve(plan, pendulum.state, pivot, 4 if piece else 40)
+        plan = planner.improve(plan, pendulum.state, pivot, planner.ITERATIONS if piece else 40)
         move(plan[0])
         pendulum.step(HOLD)
         pivot = pivot + PIECE * plan[0]

@@ -73,6 +73,8 @@ if /usr/bin/python3 -c "import numpy, h5py" 2>/dev/null; then
     command -v h5dump >/dev/null && marked trainer/CIRCUIT.md "power       first_cooling"
     howto inputs "drives v"
     howto live-python "1.5 \["
+    mkdir -p daemon && ln -s "$source/daemon/examples" daemon/examples
+    howto control "reached the target"
     howto follow-a-plant "step 100: momentum off by 0.00"
     command -v unzip >/dev/null && howto fmu "modelDescription.xml"
 fi

@@ -1,19 +1,21 @@
-"""Measures copies of scenes (portmet.Fleet), interpreted and compiled, on one and two threads, and a
-Scene alone, beside numpy, and PyTorch where it is installed, on the equations of
-analytic_double_pendulum. Run it in the repository's root with PYTHONPATH=build/daemon/python; with
+"""Measures copies of scenes (portmet.Fleet), interpreted and compiled, on one and two threads, their
+gradients, and a Scene alone, beside numpy, scipy, and PyTorch where it is installed, eager and traced, on
+the equations of analytic_double_pendulum. Run it in the repository's root with PYTHONPATH=build/daemon/python; with
 BENCH_QUICK in the environment it takes seconds. CPU time is that of all threads of the process."""
 import os
 import resource
 import time
 
 import numpy
+import scipy
+import scipy.integrate
 
 import portmet
 
 QUICK = "BENCH_QUICK" in os.environ
 COUNTS = (1, 100) if QUICK else (1, 10, 100, 1000, 10000, 100000)
 SECONDS = 0.02 if QUICK else 0.5  # of CPU time of a measurement
-SCENES = "double_pendulum", "analytic_double_pendulum", "gas_containers", "driven_lower", "chain_10"
+SCENES = "double_pendulum", "analytic_double_pendulum", "gas_containers", "driven_lower", "chain_10", "beam"
 
 
 def cpu():
@@ -48,6 +50,7 @@ class Pendula:
 
     def __init__(self, library, state):
         self.xp, self.z = library, library.asarray(state.T.copy())
+        self.right_hand_side = self.rates
 
     def rates(self, z):
         rate, force, velocity, temperature = self.xp.zeros_like(z), [], [], []
@@ -66,12 +69,12 @@ class Pendula:
         return rate
 
     def step(self, substeps=16, dt=0.3):
-        h, z = dt / substeps, self.z
+        h, z, rates = dt / substeps, self.z, self.right_hand_side
         for _ in range(substeps):
-            a = self.rates(z)
-            b = self.rates(z + 0.5 * h * a)
-            c = self.rates(z + 0.5 * h * b)
-            d = self.rates(z + h * c)
+            a = rates(z)
+            b = rates(z + 0.5 * h * a)
+            c = rates(z + 0.5 * h * b)
+            d = rates(z + h * c)
             z = z + h / 6 * (a + 2 * b + 2 * c + d)
         self.z = z
 
@@ -80,15 +83,46 @@ def report(what, n, threads, seconds):
     print(f"{what:44s} {n:7d} {threads:8d} {1e6 * seconds[0] / n:12.3f} {1e6 * seconds[1] / n:12.3f}", flush=True)
 
 
-def libraries():
-    yield "numpy " + numpy.__version__, numpy
+def measure_libraries():
+    start = portmet.Scene("configs/analytic_double_pendulum.yaml").state
+    what, rounds = "analytic_double_pendulum, ", lambda n: 3 if n < 10000 else 1
+    for n in COUNTS:
+        report(what + "numpy " + numpy.__version__, n, 1, measure(Pendula(numpy, scatter(start, n)).step, rounds(n)))
+    alone = Pendula(numpy, start[None])
+    report(what + "scipy " + scipy.__version__ + ", RK45, 1e-6", 1, 1, measure(lambda: scipy.integrate.solve_ivp(
+        lambda t, z: alone.rates(z[:, None])[:, 0], (0, 0.3), start, rtol=1e-6, atol=1e-9)))
     try:
         import torch  # pylint: disable=import-outside-toplevel
     except ImportError:
+        print("PyTorch is not installed (python3-torch)")
         return
-    torch.set_num_threads(1)
     torch.set_default_dtype(torch.float64)
-    yield "torch " + torch.__version__, torch
+    for threads in 1, 2:
+        torch.set_num_threads(threads)
+        for traced in False, True:
+            for n in COUNTS if threads == 1 else [n for n in COUNTS if n > 64]:
+                pendula = Pendula(torch, scatter(start, n))
+                if traced:
+                    pendula.right_hand_side = torch.jit.trace(pendula.rates, pendula.z)
+                with torch.no_grad():
+                    report(what + "torch " + torch.__version__ + (", traced" if traced else ""), n, threads,
+                           measure(pendula.step, rounds(n)))
+
+
+def measure_gradients():
+    """What the gradient of a rollout by its start costs, in rollouts."""
+    for name in SCENES:
+        for compiled in False, True:
+            scene = portmet.Scene(f"configs/{name}.yaml", compiled=compiled)
+            steps = 2 if QUICK else 200
+            for n in 1, 1000:
+                copies = portmet.Fleet(scene, n, 1)
+                copies.inputs[:] = 0.1
+                seed, rounds = numpy.ones_like(copies.state), 1 if n > 1 else 3
+                rollout = measure(lambda: copies.rollout(steps=steps), rounds)[0]
+                gradient = measure(lambda: copies.vjp(seed, steps=steps), rounds)[0]
+                print(f"{name + (', compiled' if compiled else ''):44s} {n:7d}  gradient over {steps} steps: "
+                      f"{gradient / rollout:.2f} rollouts, {1e6 * gradient / n / steps:.3f} us a step", flush=True)
 
 
 def check():
@@ -123,10 +157,8 @@ def main():
                         copies.step(steps)
                         assert not copies.ended.any(), copies.failure
                     report(what, n, threads, measure(step, 3 if n < 10000 else 1) / numpy.array(float(steps)))
-    for name, library in libraries():
-        for n in COUNTS:
-            pendula = Pendula(library, scatter(portmet.Scene("configs/analytic_double_pendulum.yaml").state, n))
-            report("analytic_double_pendulum, " + name, n, 1, measure(pendula.step, 3 if n < 10000 else 1))
+    measure_libraries()
+    measure_gradients()
 
 
 main()
