@@ -103,7 +103,9 @@ pm_status pm_remote_ask(pm_client *r, const portmet_control_t *request, bool wai
         } else if (reply->kind == PORTMET_CONTROL_REPLY_T_DONE ||
                    (reply->kind == PORTMET_CONTROL_REPLY_T_ACCEPTED && !wait)) {
             return reply->code == 0 ? PM_OK
-                                    : pm_fail(pm_endpoint_code(reply->code), "%s", reply->text);
+                                    : pm_fail(pm_endpoint_code(reply->code), "%s",
+                                              reply->text[0] == '\0' ? "the service gives no reason"
+                                                                     : reply->text);
         }
     }
 }
@@ -123,7 +125,7 @@ static pm_status read_groups(pm_client *r, const char *owner, pm_yaml groups, bo
         int size;
         PM_TRY(pm_yaml_text(pm_yaml_item(group, 0), &r->arena, &name));
         PM_TRY(pm_yaml_text(pm_yaml_item(group, 1), &r->arena, &unit));
-        PM_TRY(pm_yaml_int(pm_yaml_item(group, 2), 1, INT_MAX - r->served.nz, &size));
+        PM_TRY(pm_yaml_int(pm_yaml_item(group, 2), 1, PM_SCENE_MOST_STATE - r->served.nz, &size));
         for (int i = 0; i < size && !counts; ++i) {
             r->served.variable[r->served.nz + i] =
                 pm_arena_printf(&r->arena, "%s.%s[%d]", owner, name, i);

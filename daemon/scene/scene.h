@@ -235,6 +235,8 @@ bool pm_scene_hides(const pm_scene *scene);
 bool pm_scene_records(const pm_scene *scene, int subsystem);
 bool pm_scene_records_port(const pm_scene *scene, int port);
 
+#define PM_SCENE_MOST_STATE 1000000 // components of a scene
+
 // A scene with more subsystems than this reports sums instead of every subsystem, unless somebody
 // records it or compares it with a reference. Of its subsystems the first PM_SCENE_LISTED are
 // listed one by one all the same.

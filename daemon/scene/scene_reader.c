@@ -15,7 +15,6 @@
 #include "store/hdf5_io.h"
 
 #define MAX_COMPONENTS 1000000 // of one group
-#define MAX_STATE 1000000      // components of the scene
 #define MAX_STEPS 1000000000
 #define MAX_SUBSTEPS 100000
 #define MAX_WINDOW 1000000
@@ -604,8 +603,8 @@ static pm_status read_subsystems(pm_scene_reader *r) {
         subsystem->range = range;
         subsystem->first = physics->nz;
         physics->nz += subsystem->layout.nz;
-        if (physics->nz > MAX_STATE) {
-            return pm_yaml_fail(key, "more than %d components in all", MAX_STATE);
+        if (physics->nz > PM_SCENE_MOST_STATE) {
+            return pm_yaml_fail(key, "more than %d components in all", PM_SCENE_MOST_STATE);
         }
     }
     PM_TRY(sort_names(r, &e, name, &physics->subsystem_names));

@@ -150,6 +150,9 @@ int pm_yaml_count(pm_yaml value) {
 }
 
 pm_yaml pm_yaml_item(pm_yaml list, int i) {
+    if (!pm_yaml_is_list(list) || i >= pm_yaml_count(list)) {
+        return sibling_of(list, 0);
+    }
     return sibling_of(list, node_of(list)->data.sequence.items.start[i]);
 }
 

@@ -52,7 +52,7 @@ pm_status pm_yaml_require_entries(pm_yaml map);
 
 // Returns the number of entries of a list or mapping; 0 for other values.
 int pm_yaml_count(pm_yaml value);
-// Returns entry i of a list.
+// Returns entry i >= 0 of a list. The result is absent if it has no such entry or is no list.
 pm_yaml pm_yaml_item(pm_yaml list, int i);
 // Gives key (a scalar) and value of entry i of a mapping, in the order of the file.
 void pm_yaml_entry(pm_yaml map, int i, pm_yaml *key, pm_yaml *value);

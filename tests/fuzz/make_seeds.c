@@ -1,5 +1,5 @@
-// make_seeds DIR: writes the binary seeds of the fuzz targets: a small dataset, fields, a basis, a
-// checkpoint, messages and datagrams.
+// make_seeds DIR: writes the binary seeds of the fuzz targets: a small dataset, fields, a mesh, a
+// basis, a recording, a checkpoint, tables, messages and datagrams.
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,8 +9,11 @@
 #include "bodies/field/field.h"
 #include "bodies/modal/basis.h"
 #include "lockstep/codec.h"
+#include "scene/recording.h"
+#include "small_scene.h"
 #include "store/dataset.h"
 #include "store/snapshot.h"
+#include "store/solid_mesh.h"
 
 static pm_status make_dataset(void) {
     static const char *const column[] = {"q", "p"};
@@ -37,6 +40,43 @@ static pm_status make_field(const char *path, bool contact) {
 static pm_status make_fields(void) {
     PM_TRY(make_field("field.h5", false));
     return make_field("contact.h5", true);
+}
+
+// Of one brick, of which one node is clamped and another one touches.
+static pm_status make_mesh(void) {
+    static const int brick[8] = {0, 1, 3, 2, 4, 5, 7, 6}, touching = 7;
+    static const bool clamped[8] = {true};
+    double position[24];
+    for (int i = 0; i < 24; ++i) {
+        position[i] = i / 3 >> i % 3 & 1;
+    }
+    const pm_solid_mesh mesh = {8, 1, position, brick, clamped, 1, &touching};
+    return pm_solid_mesh_save(&mesh, "mesh.h5");
+}
+
+// Of three samples.
+static pm_status make_recording(void) {
+    pm_scene *scene = NULL;
+    pm_sample *sample = NULL;
+    pm_recording *recording = NULL;
+    const double live = 0.5;
+    pm_status status;
+    PM_TRY_DONE(pm_scene_parse(&scene, SMALL_SCENE, "small.yaml"));
+    PM_TRY_DONE(pm_sample_new(&sample, scene));
+    PM_TRY_DONE(pm_recording_open(&recording, "recording.h5", scene));
+    sample->live = &live;
+    for (int i = 0; i < 3; ++i) {
+        sample->step = i;
+        sample->time = pm_scene_time(scene, i);
+        PM_TRY_DONE(pm_recording_append(recording, sample));
+    }
+    status = pm_recording_close(recording);
+    recording = NULL;
+done:
+    (void)pm_recording_close(recording);
+    pm_sample_free(sample);
+    pm_scene_free(scene);
+    return status;
 }
 
 // Of one brick, with one of everything.
@@ -89,22 +129,143 @@ static pm_status write_seed(const char *path, const void *bytes, size_t size) {
                : pm_fail(PM_EFILE, "%s: cannot be written", path);
 }
 
-// For fuzz_message: type and size of arrays, then a flux with one end and one number.
-static pm_status make_message(void) {
-    double one[6] = {1, 2, 3, 4, 5, 6};
-    const portmet_flux_t flux = {.session = 7,
-                                 .nend = 1,
-                                 .energy_flux = one,
-                                 .entropy_flux = one,
-                                 .ny = 1,
-                                 .y = one,
-                                 .e = one,
-                                 .eta = one,
-                                 .nresponse = 1,
-                                 .response = one};
-    unsigned char bytes[256] = {0, 1};
-    return write_seed("flux.message", bytes,
-                      2 + pm_flux_encode(&flux, bytes + 2, sizeof bytes - 2));
+// Gives a message, whose numbers are zeros, arrays of `count` elements.
+static void fill_message(const pm_wire_type *type, void *message, int32_t count) {
+    static double array[8] = {1, 2, 3, 4, 5, 6, 7, 8};
+    char *m = message, *text = "", *numbers = (char *)array;
+    for (int i = 0; i < type->nfield; ++i) {
+        const pm_wire_field *f = &type->field[i];
+        if (f->kind == PM_WIRE_COUNT) {
+            memcpy(m + f->offset, &count, sizeof count);
+        } else if (f->kind == PM_WIRE_TEXT) {
+            memcpy(m + f->offset, &text, sizeof text);
+        } else if (f->kind == PM_WIRE_DOUBLES || f->kind == PM_WIRE_I64S) {
+            memcpy(m + f->offset, &numbers, sizeof numbers);
+        }
+    }
+}
+
+// For fuzz_message: the number of the type and the size of its arrays, then the message.
+static pm_status make_messages(void) {
+    for (int i = 0; pm_wire_types[i] != NULL; ++i) {
+        union {
+            portmet_control_reply_t reply; // as large as any
+            portmet_report_t report;
+            portmet_health_t health;
+        } message = {.reply = {0}};
+        unsigned char bytes[1024] = {(unsigned char)i, 1};
+        char path[32];
+        fill_message(pm_wire_types[i], &message, 1);
+        snprintf(path, sizeof path, "%d.message", i);
+        PM_TRY(write_seed(
+            path, bytes,
+            2 + pm_wire_encode(pm_wire_types[i], &message, bytes + 2, sizeof bytes - 2)));
+    }
+    return PM_OK;
+}
+
+// For fuzz_observer: the length of a message, and the position of its channel among those to which
+// the observer listens.
+static size_t add_message(unsigned char *at, int to, const pm_wire_type *type, const void *message,
+                          size_t capacity) {
+    const size_t size = pm_wire_encode(type, message, at + 3, capacity - 3);
+    at[0] = (unsigned char)(size >> 8);
+    at[1] = (unsigned char)size;
+    at[2] = (unsigned char)to;
+    return 3 + size;
+}
+
+// What a listener hears of a run: a ledger, health, two reports of the body, which has two ends of
+// a port to report, and the end.
+static pm_status make_heard(void) {
+    portmet_ledger_t ledger = {.session = 7};
+    portmet_health_t health = {.session = 7};
+    portmet_report_t report = {.session = 7, .kind = PORTMET_REPORT_T_DONE};
+    portmet_command_t command = {.session = 7, .reason = ""};
+    unsigned char bytes[2048] = {0};
+    size_t used = 1;
+    fill_message(&pm_health_type, &health, 1);
+    fill_message(&pm_report_type, &report, 1);
+    report.nend = 2;
+    report.nz = report.ntally = 0;
+    used += add_message(bytes + used, 0, &pm_ledger_type, &ledger, sizeof bytes - used);
+    used += add_message(bytes + used, 1, &pm_health_type, &health, sizeof bytes - used);
+    for (; report.step < 2; ++report.step) {
+        used += add_message(bytes + used, 3, &pm_report_type, &report, sizeof bytes - used);
+    }
+    used += add_message(bytes + used, 2, &pm_command_type, &command, sizeof bytes - used);
+    return write_seed("run.heard", bytes, used);
+}
+
+// What a client hears of a service: what is served, and that two requests are done.
+static pm_status make_replies(void) {
+    static char served[] =
+        "{\"dt\":0.5,\"steps\":4,\"subsystems\":[{\"name\":\"body\",\"groups\":[[\"p\",\"kg "
+        "m/s\",1],[\"s\",\"J/K\",1]]}],\"ports\":[{\"name\":\"drag\",\"ends\":[\"body\","
+        "\"air\"]}],\"inputs\":[[\"v\",\"WIND\",\"m/s\"]]}";
+    portmet_control_reply_t reply = {.kind = PORTMET_CONTROL_REPLY_T_DONE};
+    unsigned char bytes[4096] = {1};
+    size_t used = 1;
+    fill_message(&pm_control_reply_type, &reply, 0);
+    reply.text = served;
+    reply.pages = 1;
+    used += add_message(bytes + used, 0, &pm_control_reply_type, &reply, sizeof bytes - used);
+    fill_message(&pm_control_reply_type, &reply, 0);
+    for (int i = 0; i < 2; ++i) {
+        used += add_message(bytes + used, 0, &pm_control_reply_type, &reply, sizeof bytes - used);
+    }
+    return write_seed("service.heard", bytes, used);
+}
+
+// For fuzz_http: how much arrives first, then the bytes of a browser: a request, or a websocket
+// that asks for a step.
+static pm_status make_requests(void) {
+    static const char plain[] = "\xffGET /view.js HTTP/1.1\r\nHost: localhost\r\n\r\n";
+    static const char socket[] =
+        "\xf2GET / HTTP/1.1\r\nHost: 127.0.0.1:80\r\nOrigin: http://127.0.0.1:80\r\n"
+        "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        "\x81\x84\1\2\3\4rvft\x89\x80\1\2\3\4\x88\x80\1\2\3\4"; // "step", ping, close
+    PM_TRY(write_seed("plain.request", plain, sizeof plain - 1));
+    return write_seed("socket.request", socket, sizeof socket - 1);
+}
+
+// For fuzz_tables: files of MATLAB 4 and 5 with a matrix, and a log of LCM with two ledgers, after
+// a byte for the ending of the name.
+static pm_status make_tables(void) {
+    static const double q[3] = {1, 2, 4};
+    static const int32_t matrix4[] = {0, 3, 1, 0, 2}; // type, rows, columns, imaginary, length
+    static const int32_t matrix5[] = {14, 72, 6,           8,   6, 0, 5, 8,
+                                      3,  1,  1 | 1 << 16, 'q', 9, 24}; // elements: type and bytes
+    unsigned char bytes[1024] = "B";
+    size_t used = 1;
+    memcpy(bytes + used, matrix4, sizeof matrix4);
+    memcpy(bytes + used + sizeof matrix4, "q", 2);
+    memcpy(bytes + used + sizeof matrix4 + 2, q, sizeof q);
+    PM_TRY(write_seed("four.table", bytes, used + sizeof matrix4 + 2 + sizeof q));
+    snprintf((char *)bytes, 130, "B%-124s", "MATLAB 5.0 MAT-file");
+    memcpy(bytes + 125, "\0\1IM", 4);
+    used = 129;
+    memcpy(bytes + used, matrix5, sizeof matrix5);
+    memcpy(bytes + used + sizeof matrix5, q, sizeof q);
+    PM_TRY(write_seed("five.table", bytes, used + sizeof matrix5 + sizeof q));
+    used = 1;
+    for (int i = 0; i < 2; ++i) {
+        const portmet_ledger_t ledger = {.session = 7, .step = i, .time = i};
+        const uint32_t head[7] = {0xeda1da01,
+                                  0,
+                                  (uint32_t)i,
+                                  0,
+                                  500000u * (uint32_t)i,
+                                  1,
+                                  (uint32_t)pm_ledger_size(&ledger)};
+        for (size_t k = 0; k < sizeof head; ++k) { // big-endian
+            bytes[used++] = (unsigned char)(head[k / 4] >> (24 - 8 * (k % 4)));
+        }
+        bytes[used++] = 'L';
+        used += pm_ledger_encode(&ledger, bytes + used, sizeof bytes - used);
+    }
+    return write_seed("log.table", bytes, used);
 }
 
 // For fuzz_datagram: length and sender, then the datagram.
@@ -148,9 +309,10 @@ int main(int argc, char **argv) {
     if (argc != 2 || chdir(argv[1]) != 0) {
         return PM_EUSAGE;
     }
-    static pm_status (*const make[])(void) = {make_dataset,    make_fields,   make_basis,
-                                              make_checkpoint, make_snapshot, make_message,
-                                              make_datagrams,  make_forgery};
+    static pm_status (*const make[])(void) = {
+        make_dataset,    make_fields,   make_mesh,      make_basis,  make_recording,
+        make_checkpoint, make_snapshot, make_messages,  make_heard,  make_replies,
+        make_requests,   make_tables,   make_datagrams, make_forgery};
     pm_status status = PM_OK;
     for (size_t i = 0; i < sizeof make / sizeof make[0] && status == PM_OK; ++i) {
         status = make[i]();

@@ -7,7 +7,7 @@
 
 #include "base/rng.h"
 
-#define LARGEST 16384 // bytes of an input
+#define LARGEST 131072 // bytes of an input
 #define MOST_CHANGES 8
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
