@@ -174,9 +174,12 @@ struct pm_data {
     // A substep whose iteration does not converge is divided into 2^halvings pieces of h s; the
     // present one is number `piece`.
     int halvings, piece;
-    long step;        // steps completed in this run
-    bool doubtful;    // a check of the present step has found something
-    bool unsolved;    // the iteration of a piece of the present step has not converged
+    long step;     // steps completed in this run
+    bool doubtful; // a check of the present step has found something
+    // The iteration of a piece of the present step has not converged: the length of that piece, s
+    // (0: all have), and the group that changed most.
+    double unsolved;
+    int unsolved_group;
     double *state[3]; // [size] each: memory for the states below
     // States after the last substep, at the present stage, and at the start of the step that was
     // begun last. Each is one of `state`; an explicit method lets two of them be the same.

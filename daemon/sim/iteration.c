@@ -23,9 +23,10 @@ bool pm_iteration_end_round(pm_iteration *iteration, double change, double open,
     const bool near = diameter <= FAR;
     const bool weighs = it->start != 0 && isfinite(it->start);
     const uint64_t own = weighs ? (uint64_t)(ilogb(it->start) + BIAS) : 0;
-    it->scale = it->heard_scale > own ? it->heard_scale : own;
+    it->scale = near && it->heard_scale > own ? it->heard_scale : own;
     const bool counts = open > 0 && (it->scale == 0 || open > ldexp(1, (int)it->scale - BIAS));
-    const bool late = near && left <= diameter + 1 && change <= PM_ITERATION_ACCEPTED && !counts;
+    const bool small = change <= PM_ITERATION_ACCEPTED && !counts;
+    const bool late = near && left <= diameter + 1 && small;
     const bool rounding = change <= PM_ITERATION_ROUNDING && change >= it->change;
     const bool converged = change <= PM_ITERATION_CONVERGED || rounding || late;
     it->known = (it->known & it->heard) << 1 | (converged ? 1 : 0);
@@ -37,5 +38,6 @@ bool pm_iteration_end_round(pm_iteration *iteration, double change, double open,
     it->heard = UINT64_MAX;
     it->last = left <= 1 || all;
     it->gave_up = it->last && !all && near;
+    it->stuck = it->last && !all && !near && !converged && !small;
     return false;
 }

@@ -10,8 +10,9 @@
 // The last rounds that an iteration may have accept more: a change of PM_ITERATION_ACCEPTED, if it
 // leaves no energy open that counts beside the largest energy of a subsystem. The subsystems expose
 // the exponent of the largest energy that they know of, too. If bit D says then that not all have
-// converged, all of them give up in the same round. Where D is so large that the bits reach not all
-// of them in time, nobody gives up, and the ledger finds what is wrong (ledger.h).
+// converged, all of them give up in the same round. Where D is so large that the bits do not reach
+// all of them in time, only a subsystem that has not converged itself knows it: it is stuck, which
+// ends the run.
 #ifndef PM_SIM_ITERATION_H
 #define PM_SIM_ITERATION_H
 
@@ -37,6 +38,7 @@ typedef struct pm_iteration {
     uint64_t scale, heard_scale; // exponents of the largest energies; see iteration.c
     bool last;                   // the round that begins is the last one
     bool gave_up; // it is the last one although not all have converged, as all of them know
+    bool stuck;   // it is the last one although this subsystem has not converged
 } pm_iteration;
 
 // Begins the iteration of a substep.

@@ -341,7 +341,8 @@ static void end_piece(const pm_model *m, pm_data *d) {
 
 static void advance_iteration(const pm_model *m, pm_data *d) {
     const int left = m->integrator->most_iterations - (d->stage + 1), halvings = d->halvings;
-    bool last = false;
+    bool last = false, stuck = false;
+    int slowest = 0;
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         bool *moves = &d->moves[group->first_lane];
@@ -351,6 +352,9 @@ static void advance_iteration(const pm_model *m, pm_data *d) {
         last =
             pm_iteration_end_round(iteration, change, open / m->system->scene->run.energy_tolerance,
                                    m->system->scene->physics.diameter, left);
+        stuck = stuck || iteration->stuck;
+        slowest =
+            iteration->change <= d->iteration[m->group[slowest].first_lane].change ? slowest : i;
     }
     const bool gave_up = d->iteration[m->group[0].first_lane].gave_up;
     ++d->stage;
@@ -358,7 +362,10 @@ static void advance_iteration(const pm_model *m, pm_data *d) {
         halve(m, d);
         return;
     }
-    d->unsolved = d->unsolved || gave_up;
+    if ((gave_up || stuck) && d->unsolved == 0) {
+        d->unsolved = d->h;
+        d->unsolved_group = slowest;
+    }
     if (last) {
         end_piece(m, d);
     }
@@ -386,7 +393,7 @@ static void advance_iteration(const pm_model *m, pm_data *d) {
             check_block(m, d, group, 0);
         }
     }
-    d->doubtful = d->doubtful || (ends_step && d->unsolved);
+    d->doubtful = d->doubtful || (ends_step && d->unsolved > 0);
     ++d->exposure_calls;
     rest_ghosts(m, d);
 }
@@ -402,7 +409,8 @@ static void mark_changed(const pm_model *m, const pm_data *d) {
 void pm_expose_all(const pm_model *m, pm_data *d, bool run) {
     const bool implicit = m->method->implicit;
     d->stage = d->substep = d->piece = 0;
-    d->doubtful = d->unsolved = false;
+    d->doubtful = false;
+    d->unsolved = 0;
     if (d->halvings > 0) {
         d->halvings = 0;
         set_length(m, d);

@@ -396,13 +396,17 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
             "steps, or a longer trajectory",
             m->system->scene->physics.subsystem[m->id[0]].name, d->boundary_input->end);
     }
-    if (status == PM_OK && d->unsolved) {
-        status = pm_fail(PM_ENUMERIC,
-                         "subsystem %s: step %ld: the iteration does not converge, not even in "
-                         "pieces of %.3g s: the step is too long for this state; try a smaller dt "
-                         "or more substeps",
-                         m->system->scene->physics.subsystem[m->id[0]].name, d->step + 1,
-                         ldexp(m->system->scene->physics.dt / d->substeps, -PM_MOST_HALVINGS));
+    if (status == PM_OK && d->unsolved > 0) {
+        int i = 0;
+        while (m->subsystem_at[m->id[i]].group != d->unsolved_group) {
+            ++i;
+        }
+        status =
+            pm_fail(PM_ENUMERIC,
+                    "subsystem %s: step %ld: the iteration does not converge in pieces of "
+                    "%.3g s: the step is too long for this state; try a smaller dt or more "
+                    "substeps",
+                    m->system->scene->physics.subsystem[m->id[i]].name, d->step + 1, d->unsolved);
     }
     if (status != PM_OK) {
         pm_local_subsystems_undo_step(local);
@@ -415,7 +419,8 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
             &d->flux[at.end], (int)m->port_group[place.group].first_lane + place.lane);
     }
     d->substep = 0;
-    d->doubtful = d->unsolved = false;
+    d->doubtful = false;
+    d->unsolved = 0;
     ++d->step;
     return PM_OK;
 }
