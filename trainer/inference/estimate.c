@@ -11,6 +11,10 @@
 
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
+// Records have another noise than those of the fit if its logarithm differs by so many standard
+// errors, and not by less than this.
+#define OTHER 2.0
+#define LEAST_NOISE 1e-3 // of that of the fit
 
 static pm_sensitivity_how how_of(pm_system *system, const pm_observation *o,
                                  const pm_tracks *tracks, bool fixed) {
@@ -29,16 +33,44 @@ static pm_sensitivity_how how_of(pm_system *system, const pm_observation *o,
 typedef struct start_uncertainty {
     double *by_weights; // [count][nz][nweight] derivative of the estimated start by the weights
     double *covariance; // [count][nz][nz] of the start at fixed weights
+    double *noise;      // [ny] of the columns, from sample to sample
 } start_uncertainty;
+
+// Finds the noise of each column from sample to sample: that of the fit, or that of the residuals in
+// the first seconds, which s holds, if it clearly is another one: records may come from a better or
+// a worse sensor, or from a simulator.
+static pm_status find_noise(const pm_estimate *e, const pm_shooting *s, const pm_uncertainty *u,
+                            start_uncertainty *start) {
+    size_t all = 1;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        all += (size_t)s->tracks->track[i].count;
+    }
+    double *size = malloc(all * sizeof *size);
+    if (size == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an estimate");
+    }
+    for (int c = 0; c < s->ny; ++c) {
+        double error; // standard error of the logarithm
+        const double known = u->independent[c];
+        const double own =
+            fmax(pm_uncertainty_independent(s, c, size, &error), LEAST_NOISE * known);
+        start->noise[c] = fabs(log(own / known)) > OTHER * error ? own : known;
+        // What neighbouring residuals share is error of the model.
+        const double shared = fmax(u->noise[c] * u->noise[c] - known * known, 0);
+        e->noise[c] = sqrt(shared + start->noise[c] * start->noise[c]);
+    }
+    free(size);
+    return PM_OK;
+}
 
 // Evaluates the normal equations of the starts and the weights at the estimate, with each track as
 // one window. They give the derivative of an estimated start by the weights, -own^-1 border.
-static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_uncertainty *u,
-                               start_uncertainty *start) {
+static pm_status differentiate(const pm_estimate *e, pm_shooting *s,
+                               const start_uncertainty *start) {
     const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;
     PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
     // What neighbouring residuals share is error of the model, which counts by the weights.
-    memcpy(s->terms.noise, u->independent, (size_t)e->ny * sizeof *s->terms.noise);
+    memcpy(s->terms.noise, start->noise, (size_t)e->ny * sizeof *s->terms.noise);
     s->terms.huber = INFINITY;
     memcpy(s->z, e->start, (size_t)(e->count * nz) * sizeof *s->z);
     pm_shooting_evaluate(s, s->z, true);
@@ -75,13 +107,15 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s, const pm_un
 }
 
 static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_observation *o,
-                                  const pm_tracks *tracks, const pm_uncertainty *u,
-                                  start_uncertainty *start) {
+                                  const pm_tracks *tracks, const pm_shooting *estimated,
+                                  const pm_uncertainty *u, start_uncertainty *start) {
     const size_t cells = (size_t)e->count * (size_t)e->nz;
     start->by_weights =
         pm_arena_array(&e->arena, cells * (size_t)u->nweight + 1, sizeof *start->by_weights);
     start->covariance = pm_arena_array(&e->arena, cells * (size_t)e->nz, sizeof *start->covariance);
+    start->noise = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *start->noise);
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    PM_TRY(find_noise(e, estimated, u, start));
     pm_shooting shooting = {0};
     const pm_sensitivity_how how = how_of(system, o, tracks, false);
     pm_status status = pm_shooting_open(&shooting, &how, tracks);
@@ -89,7 +123,7 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
         shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
     }
     if (status == PM_OK) {
-        status = differentiate(e, &shooting, u, start);
+        status = differentiate(e, &shooting, start);
     }
     pm_shooting_close(&shooting);
     return status;
@@ -123,7 +157,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     }
     memcpy(e->noise, shooting.terms.noise, (size_t)e->ny * sizeof *e->noise);
     if (how->uncertainty != NULL) {
-        status = find_uncertainty(e, system, o, &tracks, how->uncertainty, start);
+        status = find_uncertainty(e, system, o, &tracks, &shooting, how->uncertainty, start);
     }
 done:
     pm_shooting_close(&shooting);
@@ -224,7 +258,7 @@ static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, in
                 const double own =
                     quadratic_form(e->nz, p->by_start + (i * rows + c) * states, start);
                 e->deviation[at * rows + c] =
-                    sqrt(u->noise[c] * u->noise[c] + own + u->scale * weights[c]);
+                    sqrt(e->noise[c] * e->noise[c] + own + u->scale * weights[c]);
             }
             weight_variances(p, e->nz, item[i]->by_weights, state);
             for (ptrdiff_t c = 0; c < states; ++c) {
@@ -277,7 +311,7 @@ static double *array_of_nan(pm_arena *arena, size_t n) {
 pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,
                            const pm_dataset *dataset, int count, const int *which,
                            const pm_estimate_how *how) {
-    start_uncertainty start = {NULL, NULL};
+    start_uncertainty start = {NULL};
     *e = (pm_estimate){.count = count,
                        .ntime = dataset->ntime,
                        .ny = o->count,

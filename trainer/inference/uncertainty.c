@@ -22,6 +22,10 @@
 #define FEWEST_COMPARED 5
 // Of a normal distribution: the standard deviation divided by the median absolute value.
 #define NORMAL_MEDIAN 1.4826022185056018
+// Standard error of the logarithm of the median difference of n + 1 independent samples, times the
+// root of n.
+#define MEDIAN_ERROR 1.25
+#define SHARED 2.0 // such errors by which neighbouring residuals agree, if they do
 
 #define MOST_DIRECTIONS 500 // beyond which eigenvectors take too long
 #define MOST_PRINTED 6      // directions
@@ -160,22 +164,11 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
     }
     pm_shooting_weights(s, u->weights);
     memcpy(u->noise, s->terms.noise, (size_t)u->ny * sizeof *u->noise);
-    // Finds the part of the residuals that differs from sample to sample, from the median
-    // difference of neighbouring residuals. `size` is work space for all samples.
     for (int c = 0; c < u->ny; ++c) {
-        size_t count = 0;
-        for (int i = 0; i < s->tracks->count; ++i) {
-            const pm_track *t = &s->tracks->track[i];
-            for (int k = 0; k + 1 < t->count; ++k) {
-                const ptrdiff_t at = (ptrdiff_t)k * s->ny + c, next = at + s->ny;
-                if (isfinite(t->y[at]) && isfinite(t->y[next])) {
-                    size[count++] = fabs(s->residual[i][next] - s->residual[i][at]);
-                }
-            }
-        }
-        pm_sort((size_t)count, size);
-        const double all = s->terms.noise[c];
-        u->independent[c] = count == 0 ? all : fmin(NORMAL_MEDIAN / sqrt(2) * size[count / 2], all);
+        double error;
+        const double own = pm_uncertainty_independent(s, c, size, &error);
+        const bool shares = own < u->noise[c] * exp(-SHARED * error);
+        u->independent[c] = shares ? own : u->noise[c];
     }
     // Mean and spread of the first starts, and how much of their priors they keep.
     for (int c = 0; c < s->nz; ++c) {
@@ -207,6 +200,22 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
         u->covariance[i] *= u->inflation;
     }
     return PM_OK;
+}
+
+double pm_uncertainty_independent(const pm_shooting *s, int column, double *size, double *error) {
+    size_t count = 0;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        const pm_track *t = &s->tracks->track[i];
+        for (int k = 0; k + 1 < t->count; ++k) {
+            const ptrdiff_t at = (ptrdiff_t)k * s->ny + column, next = at + s->ny;
+            if (isfinite(t->y[at]) && isfinite(t->y[next])) {
+                size[count++] = fabs(s->residual[i][next] - s->residual[i][at]);
+            }
+        }
+    }
+    pm_sort(count, size);
+    *error = count > 0 ? MEDIAN_ERROR / sqrt((double)count) : INFINITY;
+    return count > 0 ? NORMAL_MEDIAN / sqrt(2) * size[count / 2] : NAN;
 }
 
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s) {

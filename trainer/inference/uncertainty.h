@@ -32,6 +32,12 @@ typedef struct pm_uncertainty {
                      // prior; 0: the component has no prior
 } pm_uncertainty;
 
+// Returns the standard deviation of the part of a column's residuals, as of the last evaluation,
+// that differs from sample to sample: from the median difference of neighbouring residuals. NAN:
+// there are none. `size` is work space for all samples; *error receives the standard error of the
+// logarithm.
+double pm_uncertainty_independent(const pm_shooting *s, int column, double *size, double *error);
+
 // Computes the uncertainty at the present weights and starts, with a scale of 1. The caller frees.
 // PM_ENUMERIC: the data and the priors do not fix the weights; PM_ENOMEM.
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
