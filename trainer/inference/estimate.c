@@ -134,15 +134,19 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
                              const pm_estimate_how *how, start_uncertainty *start) {
     pm_tracks tracks;
     pm_shooting shooting = {0};
-    PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, how->seconds, true));
-    const pm_sensitivity_how own = how_of(system, o, &tracks, true);
+    double *given = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *given);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    pm_observation known = *o;
+    if (how->uncertainty != NULL) {
+        // The mean start of the trajectories of the fit is the best guess about hidden components.
+        memcpy(given, how->uncertainty->noise, (size_t)e->ny * sizeof *given);
+        known.guess = how->uncertainty->start;
+    }
+    PM_TRY(pm_tracks_make(&tracks, system->scene, &known, dataset, e->count, which, how->seconds,
+                          true));
+    const pm_sensitivity_how own = how_of(system, &known, &tracks, true);
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &own, &tracks));
-    double *given = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *given);
-    PM_TRY_DONE(pm_arena_status(&e->arena, "an estimate"));
-    if (how->uncertainty != NULL) {
-        memcpy(given, how->uncertainty->noise, (size_t)e->ny * sizeof *given);
-    }
     for (int c = 0; c < shooting.nz; ++c) {
         shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
     }

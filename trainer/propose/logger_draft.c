@@ -235,7 +235,7 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         surroundings = surroundings || loses(v, i);
         level = level || falls(v, i);
     }
-    // The column of a cell shows V = dE/dq + what relaxes + R I, where R may fall with heat.
+    // The column of a cell shows V = dE/dq + what relaxes + R I.
     bool any = false;
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *cell = &v->column[c];
@@ -251,16 +251,14 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 fprintf(f, " + %s.%s", part, v->column[k].name);
             }
         }
+        char prefix[PM_LOGGER_TEXT], resistance[PM_LOGGER_LONG_TEXT];
+        snprintf(prefix, sizeof prefix, "%.100s.", part);
+        pm_logger_cell_resistance(resistance, sizeof resistance, v, cell, prefix, prefix);
         for (int u = v->nvariable; u < v->ncolumn; ++u) {
             if (v->column[u].id == cell->current) {
-                fprintf(f, " %c %s.resistance_%s*%s", cell->resistance < 0 ? '-' : '+', part,
-                        cell->name, v->column[u].source);
+                fprintf(f, " %c %s*%s", cell->resistance < 0 ? '-' : '+', resistance,
+                        v->column[u].source);
             }
-        }
-        const int T = v->thermometer[cell->part];
-        if (T >= 0) {
-            fprintf(f, "*exp(%s.warms_%s*(%s.%s - %.6g))", part, cell->name, part,
-                    v->column[T].name, v->column[T].mean);
         }
         fputs("\"\n", f);
     }

@@ -9,6 +9,7 @@
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
 #define POWERS_OF_CHARGE 3    // of the voltage of a cell
+#define WARMS 1e-3            // 1/K: with which the resistance of a cell falls with heat
 #define KNEES_OF_CHARGE 8     // steps in it, evenly spaced
 #define MIDDLE 0.5            // of the distance between two of them
 #define COUPLED 1e-3          // of the changes that one co-energy explains of another one's
@@ -265,12 +266,27 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     }
 }
 
-// Adds the resistance of a cell, which its voltage and its heat have in common.
+void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
+                               const pm_logger_column *cell, const char *of, const char *at) {
+    const char *name = cell->name;
+    const int T = v->thermometer[cell->part];
+    int n = snprintf(text, size, "%sresistance_%s*(1 + %sdrained_%s*exp((%.6g - %s%s)/%sdepth_%s))", of,
+                     name, of, name, cell->least, at, name, of, name);
+    if (T >= 0 && n < (int)size) {
+        snprintf(text + n, size - (size_t)n, "*exp(%swarms_%s*(%.6g - %s%s))", of, name,
+                 v->column[T].mean, at, v->column[T].name);
+    }
+}
+
+// Adds the constants of the resistance of a cell, which its voltage and its heat have in common.
 static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
-    fprintf(w->list, "      resistance_%s: {learned: %.6g, positive: true, shared: true}\n",
-            cell->name, fmax(fabs(cell->resistance), LEAST_CONSTANT));
-    if (w->v->thermometer[cell->part] >= 0) {
-        fprintf(w->list, "      warms_%s: {learned: 0}\n", cell->name);
+    const bool warms = w->v->thermometer[cell->part] >= 0;
+    const char *const kind[] = {"resistance", "drained", "depth", "warms"};
+    const double start[] = {fmax(fabs(cell->resistance), LEAST_CONSTANT), SMALL,
+                            SMALL * (cell->largest - cell->least), WARMS};
+    for (int k = 0; k < (warms ? 4 : 3); ++k) {
+        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind[k],
+                cell->name, start[k]);
     }
 }
 
@@ -532,7 +548,7 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
 void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
                            const pm_logger_action *action) {
     const pm_logger_column *input = &w->v->column[action->input];
-    const pm_logger_column *T = &w->v->column[action->target], *cell = NULL;
+    const pm_logger_column *cell = NULL;
     const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *y = &w->v->column[c];
@@ -551,11 +567,12 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
         snprintf(text, size, "%s + square_%s*b.dE.x/%.4g", sign, name, most);
         return;
     }
+    char resistance[PM_LOGGER_LONG_TEXT];
     add_resistance(w, cell);
-    snprintf(text, size, "%s + %s*a.%s/%.4g + resistance_%s*exp(warms_%s*(a.%s - %.6g))*b.dE.x",
-             sign, pm_logger_number(w, "by_charge", name, 0, gain), cell->name,
-             fmax(fabs(cell->least), fabs(cell->largest)), cell->name, cell->name, T->name,
-             T->mean);
+    pm_logger_cell_resistance(resistance, sizeof resistance, w->v, cell, "", "a.");
+    snprintf(text, size, "%s + %s*a.%s/%.4g + %s*b.dE.x", sign,
+             pm_logger_number(w, "by_charge", name, 0, gain), cell->name,
+             fmax(fabs(cell->least), fabs(cell->largest)), resistance);
 }
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,

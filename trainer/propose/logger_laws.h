@@ -10,7 +10,7 @@
 
 #define PM_LOGGER_TEXT 128      // room for a name
 #define PM_LOGGER_NUMBERS 8     // texts of pm_logger_number that are kept
-#define PM_LOGGER_LONG_TEXT 256 // room for a law
+#define PM_LOGGER_LONG_TEXT 512 // room for a law
 
 // The alternatives of the choices, in the order in which they are believed.
 enum { BENT_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
@@ -118,6 +118,11 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
 // Writes the coefficient by which an input moves a co-energy, with a lever and a valve where the
 // data show them: "name" is that of the coefficient.
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action);
+
+// Writes to `text` the resistance of a cell: it rises where the cell is nearly empty, and falls with
+// heat. `of` and `at` are the prefixes of constants and of groups.
+void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
+                               const pm_logger_column *cell, const char *of, const char *at);
 
 // Writes to `text` the heat of an input that warms a temperature, divided by the input. What flows
 // one way only warms in proportion. Else the heat has a part that changes its sign with the input,
