@@ -24,6 +24,9 @@
 #define LEAST_RESIDUAL 1e-9 // likewise
 #define OUTLIER 1e2         // deviations of the noise, which no residual counts more than
 #define MOST_ATTEMPTS 3
+// The attempt whose first windows are whole trajectories. Where the model is wrong by more than the
+// noise, free starts of hidden components hide that in short windows, and lead the weights astray.
+#define LONG_ATTEMPT 1
 #define DISTURBED 0.7 // deviation of a constant of another start, of its logarithm or its size
 // Records are divided into pieces for the calibration of bands if they are fewer than this.
 #define FEWEST_RECORDS 4
@@ -267,6 +270,7 @@ typedef struct continuation_context {
     pm_fit *fit;
     pm_shooting *shooting;
     int steps;  // of a short fit so far
+    int length; // of its windows
     bool ended; // a short fit has come to its end
 } continuation_context;
 
@@ -278,6 +282,7 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
     const pm_fit_effort *effort = c->fit->arguments->effort;
     if (effort != NULL) {
         pm_shooting_weights(s, c->fit->theta);
+        c->length = point->length;
         c->ended = ++c->steps > effort->iterations ||
                    (effort->seconds > 0 && (double)clock() > effort->seconds * CLOCKS_PER_SEC);
         return c->ended ? pm_fail(PM_EINTERRUPTED, "a short fit has come to its end") : PM_OK;
@@ -572,12 +577,16 @@ static void begin_phase(pm_fit *f, pm_shooting *s, int phase) {
 static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuation, int substeps,
                          pm_continuation_point *end) {
     const pm_fit_measured *m = &f->measured;
-    const bool random = memcmp(f->theta, f->declared, (size_t)f->size * sizeof *f->theta) != 0;
+    const pm_fit_position *p = &f->position;
     pm_shooting_set_substeps(s, substeps);
-    // Short fits choose the initial weights, if these are random, so that draws differ.
-    if (m->point[0] == PM_CONTINUATION_NONE && f->position.attempt < MOST_ATTEMPTS) {
-        const bool drawn = f->position.finer == WITHOUT_NETWORKS || f->position.attempt > 0;
-        if (random && drawn && searches_windows(f)) {
+    if (m->point[0] == PM_CONTINUATION_NONE && p->attempt < MOST_ATTEMPTS) {
+        if (p->attempt > 0) {
+            draw(f, 0, f->theta);
+        }
+        // Short fits choose the initial weights, if these are random, so that draws differ.
+        const bool drawn = p->finer == WITHOUT_NETWORKS || p->attempt > 0;
+        if (drawn && searches_windows(f) &&
+            memcmp(f->theta, f->declared, (size_t)f->size * sizeof *f->theta) != 0) {
             const pm_shooting_search search = {.tries = f->training->tries,
                                                .iterations = f->training->try_iterations,
                                                .length = SEARCHED * pm_continuation_first_length(s),
@@ -586,11 +595,10 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
                                                .stop = f->stop};
             PM_TRY(pm_shooting_search_start(s, &search));
             pm_shooting_set_substeps(s, substeps);
-        } else if (f->position.attempt > 0) {
-            draw(f, 0, f->theta);
+        } else if (p->attempt > LONG_ATTEMPT) {
             // Moves the constants at random, positive ones by a factor.
             pm_rng rng;
-            pm_rng_init(&rng, f->training->seed, (uint64_t)f->position.attempt);
+            pm_rng_init(&rng, f->training->seed, (uint64_t)p->attempt);
             for (int i = 0; i < f->size; ++i) {
                 const bool positive = s->terms.early_reach[i] < s->terms.reach[i];
                 const bool constant = positive || s->terms.reach[i] >= FAR_REACH;
@@ -600,8 +608,18 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
             pm_trained_scatter(f->training->system, f->theta);
         }
     }
+    const int own = p->attempt == MOST_ATTEMPTS ? p->best_done : p->attempt;
+    continuation->first = own == LONG_ATTEMPT ? pm_continuation_longest(s) : 0;
     PM_TRY(restore_point(m, s, &continuation->first_point));
-    return pm_continuation_run(s, continuation, end);
+    const pm_status status = pm_continuation_run(s, continuation, end);
+    continuation_context *c = continuation->context;
+    if (status == PM_EINTERRUPTED && c->ended) {
+        end->length = c->length;
+        c->steps = 0;
+        c->ended = false;
+        return PM_OK;
+    }
+    return status;
 }
 
 // Lets the hidden components of the states that fix the scales of models vary by m->moved, and
@@ -705,8 +723,12 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             p->loss = residual;
             p->best_done = p->attempt;
         }
-        if (residual < UNLUCKY || last || f->arguments->effort != NULL || f->training->plain ||
-            f->size == 0 ||
+        if (f->arguments->effort != NULL && p->attempt == LONG_ATTEMPT) {
+            pm_shooting_set_weights(s, p->loss > 0 ? f->best : s->theta);
+            return p->loss > 0 ? PM_OK
+                               : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
+        }
+        if (residual < UNLUCKY || last || f->training->plain || f->size == 0 ||
             (p->attempt + 1 == MOST_ATTEMPTS && p->best_done == p->attempt && p->loss > 0)) {
             return isfinite(residual)
                        ? PM_OK
