@@ -23,6 +23,7 @@
 struct pm_yaml_document {
     pm_arena arena;
     const char *name; // of the file, for errors
+    const char *text; // from which it was read
     bool composed;    // `yaml` must be deleted
     yaml_document_t yaml;
     int *parent; // [node] the list or mapping that contains the node
@@ -528,6 +529,7 @@ static pm_status parse(pm_yaml_document **result, const char *text, size_t size,
         return fail_memory();
     }
     document->name = pm_arena_strdup(&document->arena, name);
+    document->text = pm_arena_strdup(&document->arena, text);
     PM_TRY_DONE(pm_arena_status(&document->arena, "a YAML document"));
     parses = yaml_parser_initialize(&parser);
     PM_TRY_DONE(parses ? PM_OK : fail_memory());
@@ -558,6 +560,55 @@ done:
     }
     pm_yaml_close(document);
     return status;
+}
+
+// --- changes ---
+
+static size_t first_of(const pm_yaml_change *change) {
+    return node_of(change->at)->start_mark.index;
+}
+
+static int compare_changes(const void *a, const void *b) {
+    const size_t x = first_of(a), y = first_of(b);
+    return (x > y) - (x < y);
+}
+
+// Writes the characters [*at, end) of a text in UTF-8, or with a NULL file skips them.
+static void copy_characters(const char **text, size_t *at, size_t end, FILE *file) {
+    while (*at < end && **text != '\0') {
+        do {
+            if (file != NULL) {
+                fputc(**text, file);
+            }
+            ++*text;
+        } while (((unsigned char)**text & 0xc0) == 0x80); // the rest of a character
+        ++*at;
+    }
+}
+
+void pm_yaml_write_changed(const pm_yaml_document *document, int count, pm_yaml_change *change,
+                           FILE *file) {
+    const char *text = document->text;
+    size_t at = 0; // libyaml counts characters
+    qsort(change, (size_t)count, sizeof *change, compare_changes);
+    for (int i = 0; i < count; ++i) {
+        const pm_yaml_change *c = &change[i];
+        const yaml_node_t *node = node_of(c->at);
+        const bool list = pm_yaml_is_list(c->at), map = pm_yaml_is_map(c->at);
+        const bool block = (list && node->data.sequence.style != YAML_FLOW_SEQUENCE_STYLE) ||
+                           (map && node->data.mapping.style != YAML_FLOW_MAPPING_STYLE);
+        // In a block each entry has a line of its own.
+        const yaml_mark_t next = c->replaces ? node->end_mark : node->start_mark;
+        copy_characters(&text, &at, first_of(c), file);
+        copy_characters(&text, &at, first_of(c) + !(block || c->replaces), file); // a bracket
+        copy_characters(&text, &at, c->replaces ? next.index : at, NULL);
+        fprintf(file, "%s%s%s", list && block && !c->replaces ? "- " : "", c->text,
+                block         ? "\n"
+                : c->replaces ? ""
+                              : ", ");
+        fprintf(file, "%*s", block ? (int)next.column : 0, "");
+    }
+    fputs(text, file);
 }
 
 pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const char *name,

@@ -5,6 +5,7 @@
 #define PM_STORE_YAML_H
 
 #include <stdbool.h>
+#include <stdio.h>
 
 #include "base/arena.h"
 #include "base/status.h"
@@ -123,5 +124,19 @@ typedef struct pm_yaml_key {
 // absent mapping has no keys. PM_ECONFIG: the value is no mapping, has a key that is not in the
 // table, lacks one that is required, or has a value that is not allowed. PM_ENOMEM.
 pm_status pm_yaml_read(pm_yaml map, pm_arena *arena, const pm_yaml_key *keys);
+
+// --- changes ---
+
+// A change of the text from which a document was read.
+typedef struct pm_yaml_change {
+    pm_yaml at;       // a list or mapping; or, with `replaces`, any value
+    bool replaces;    // the text takes the place of the value; else it becomes the first entry
+    const char *text; // one value or entry in flow style, such as "hidden: [6]" for a mapping
+} pm_yaml_change;
+
+// Writes the text of a document with `count` changes, which do not contain each other, to `file`.
+// Sorts `change`. Comments and all other values stay as they are.
+void pm_yaml_write_changed(const pm_yaml_document *document, int count, pm_yaml_change *change,
+                           FILE *file);
 
 #endif

@@ -291,12 +291,40 @@ static void test_hostile(void **state) {
     free(keys);
 }
 
+// Changes leave comments and all other values as they are.
+static void test_changes(void **state) {
+    static const char text[] =
+        "# \u2013 a comment\na: {x: 1}   # \u00e9\nb:\n  y: 2\n  z: [3]\nc:\n  - 4\nd: 5\n";
+    static const char expected[] =
+        "# \u2013 a comment\na: {new: [0], x: 1}   # \u00e9\nb:\n  new: 1\n  y: "
+        "2\n  z: [7, 3]\nc:\n  - 8\n  - 4\nd: {e: 6}\n";
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    char *made = NULL;
+    size_t size = 0;
+    (void)state;
+    assert_int_equal(pm_yaml_parse(&document, text, "text", &root), PM_OK);
+    const pm_yaml b = pm_yaml_get(root, "b");
+    pm_yaml_change change[] = {{pm_yaml_get(root, "d"), true, "{e: 6}"},
+                               {pm_yaml_get(root, "c"), false, "8"},
+                               {pm_yaml_get(b, "z"), false, "7"},
+                               {b, false, "new: 1"},
+                               {pm_yaml_get(root, "a"), false, "new: [0]"}};
+    FILE *file = open_memstream(&made, &size);
+    assert_non_null(file);
+    pm_yaml_write_changed(document, (int)(sizeof change / sizeof *change), change, file);
+    assert_int_equal(fclose(file), 0);
+    assert_string_equal(made, expected);
+    free(made);
+    pm_yaml_close(document);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_scalars), cmocka_unit_test(test_lists),
         cmocka_unit_test(test_bad),     cmocka_unit_test(test_empty),
         cmocka_unit_test(test_file),    cmocka_unit_test(test_file_sizes),
-        cmocka_unit_test(test_hostile),
+        cmocka_unit_test(test_hostile), cmocka_unit_test(test_changes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
