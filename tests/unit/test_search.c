@@ -102,7 +102,7 @@ static void search(double budget, int simplest, char text[TEXT]) {
     assert_int_equal(pm_hypotheses_add(&space, "number", 2, number), 1);
     space.choice[1].simplest = simplest;
     const pm_search_how how = {.budget = budget};
-    assert_int_equal(pm_search_run(&space, &how, path), PM_OK);
+    assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_OK);
     read_result(path, text);
 }
 
@@ -137,7 +137,7 @@ static void the_worst_group_is_asked_about_first(void **state) {
     space.choice[0].acts_on = 1; // q
     space.choice[1].acts_on = 2; // p
     const pm_search_how how = {.budget = 5};
-    assert_int_equal(pm_search_run(&space, &how, path), PM_OK);
+    assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_OK);
     read_result(path, text);
     const char *asked = strstr(text, "# * spring: cubic ("), *later = strstr(text, " number: ");
     if (asked == NULL || (later != NULL && later < asked)) {
@@ -163,7 +163,7 @@ static void an_interrupted_search_ends(void **state) {
     path_of("interrupted.yaml", path);
     pm_hypotheses_add(&space, "spring", 3, spring);
     const pm_search_how how = {.budget = 5, .stop = &stop};
-    assert_int_equal(pm_search_run(&space, &how, path), PM_EINTERRUPTED);
+    assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_EINTERRUPTED);
     assert_int_equal(access(path, F_OK), -1);
 }
 

@@ -3,6 +3,7 @@
 #include "command/commands.h"
 
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +13,10 @@
 #include "base/python.h"
 #include "command/tables.h"
 #include "fit/fit.h"
+#include "propose/advice.h"
 #include "propose/propose.h"
+
+#define ADVICE_SHARE 0.5 // of the CPU time of a fit, for what its models may lack
 
 // If the argument is a scene, proposes its training file and continues with that. The caller frees
 // *training.
@@ -91,6 +95,16 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
     return status;
 }
 
+// Tries what a fit that is not good may lack, for at most half of the CPU time of the training.
+static pm_status advise(const pm_fit *f, const volatile sig_atomic_t *stop) {
+    double budget = PM_PROPOSAL_BUDGET;
+    char path[PATH_MAX];
+    PM_TRY(pm_command_budget(f->arguments->budget, &budget));
+    budget = fmin(budget, ADVICE_SHARE * pm_fit_processor_time(f));
+    snprintf(path, sizeof path, "%s/advice.yaml", f->arguments->output);
+    return budget > 0 ? pm_advise(f, budget, stop, path, stdout) : PM_OK;
+}
+
 // Proposes a training file if there is none, trains, and reports.
 static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
     char *training = NULL;
@@ -112,6 +126,15 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
             status = a->black_box ? train_black_box(&f, stop, &black_box) : PM_OK;
             if (status == PM_OK) {
                 status = pm_fit_report(&f, a->black_box ? &black_box : NULL);
+            }
+            if (f.kind == &pm_fit_of_states && a->team == NULL &&
+                (status == PM_EUNFIT || (status == PM_OK && strncmp(f.verdict, "good", 4) != 0))) {
+                char error[512];
+                snprintf(error, sizeof error, "%s", pm_error());
+                const pm_status advised = advise(&f, stop);
+                status = advised != PM_OK      ? advised
+                         : status == PM_EUNFIT ? pm_fail(status, "%s", error)
+                                               : status;
             }
         }
         pm_measure_free(&black_box);
@@ -174,7 +197,8 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
         {"--black-box", NULL, NULL, &a.black_box, NULL, false,
          .help = "also train a model without structure for the same CPU time"},
         {"--budget", NULL, "SECONDS", NULL, &a.budget, false,
-         .help = "with a SCENE: CPU time for trials of hypotheses; 0: none is tried (default 60)"},
+         .help = "CPU time for trials of hypotheses: of a SCENE, and after a fit that is not good; 0: "
+                 "none (default 60)"},
         {"--resume", NULL, NULL, &a.resume, NULL, false,
          .help = "continue from DIR/fit.checkpoint; stages may have been added, the last may be "
                  "longer"},

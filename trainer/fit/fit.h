@@ -207,6 +207,8 @@ typedef struct pm_verdict {
 // Errors of predictions relative to persistence below which a verdict is good or fair.
 #define PM_VERDICT_GOOD 0.05
 #define PM_VERDICT_FAIR 0.3
+// The error of one step, relative to its length, below which a verdict may be good, of each group.
+#define PM_VERDICT_STEP 0.3
 // A model is not good if its error is this many times that of a black box, unless it is below this
 // fraction of that of persistence.
 #define PM_VERDICT_LOSES 1.25

@@ -28,9 +28,8 @@
 // A group that is worse than persistence is unfit only above this relative error. Below, the group
 // hardly changes.
 #define NEGLIGIBLE 0.01
-// Errors of one step, relative to its length, and of what depends on temperatures, below which a
-// verdict is good or fair.
-#define STEP_GOOD 0.3
+// The error of one step, relative to its length, below which a verdict may be fair, and those of
+// what depends on temperatures, below which it is good or fair.
 #define STEP_FAIR 1.0
 #define WARM_GOOD 0.05
 #define WARM_FAIR 0.3
@@ -445,7 +444,7 @@ static void print_verdict(const fit_report *r, const char *where, char *record) 
         pm_verdict_compare(&v, ratio, PM_VERDICT_FAIR, INFINITY,
                            "those of %s of %s have %.3g %% of it", worst->group, worst->part,
                            100 * ratio);
-        pm_verdict_compare(&v, step->one_step, STEP_GOOD, STEP_FAIR,
+        pm_verdict_compare(&v, step->one_step, PM_VERDICT_STEP, STEP_FAIR,
                            "one step of %s of %s is wrong by %.3g %% of its length", step->group,
                            step->part, 100 * step->one_step);
     }

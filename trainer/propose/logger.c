@@ -277,7 +277,7 @@ static pm_status choose_laws(const pm_logger_draft *draft, const pm_logger_hints
             laws->choice[id] = (pm_logger_choice)k;
         }
     }
-    const pm_status status = pm_search_run(&laws->space, &how, path);
+    const pm_status status = pm_search_run(&laws->space, &how, path, NULL);
     free(laws);
     return status;
 }

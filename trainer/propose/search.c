@@ -26,7 +26,8 @@
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
 // The error of one step below which nothing else is tried, if a verdict would call the rollouts
-// good, too: a weak friction in wrong directions hardly shows in one step.
+// good, too, since a weak friction in wrong directions hardly shows in one step, and each group:
+// where some groups are exact, the mean tells nothing about the others.
 #define ENOUGH 1e-2
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
@@ -250,7 +251,11 @@ static bool is_better(const pm_search_trial *a, const pm_search_trial *b, double
 }
 
 static bool is_enough(const pm_search_trial *t) {
-    return error_of(t) < ENOUGH && !(t->score.rollout > PM_VERDICT_GOOD);
+    bool all = true;
+    for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
+        all = all && t->score.group[g] < PM_VERDICT_STEP;
+    }
+    return all && error_of(t) < ENOUGH && !(t->score.rollout > PM_VERDICT_GOOD);
 }
 
 // Adds the best vector with another alternative of one choice, or, for choice -1, with the first
@@ -506,7 +511,8 @@ static void print_trials(const hypothesis_search *s, FILE *f) {
     }
 }
 
-pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path) {
+pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path,
+                        pm_search_outcome *outcome) {
     char *text = NULL;
     size_t size = 0;
     int alternatives = 1;
@@ -539,6 +545,14 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
                    s->best == 0 ? "the first one is kept"
                                 : "the head of the file says which one is kept");
         }
+    }
+    if (outcome != NULL) {
+        const tried_vector *first = &s->candidate[0], *best = &s->candidate[s->best];
+        const bool longer = first->finalist && best->finalist;
+        memcpy(outcome->chosen, best->vector, (size_t)space->count * sizeof *best->vector);
+        outcome->ntried = s->ncandidate;
+        outcome->first = longer ? first->last : first->trial;
+        outcome->best = longer ? best->last : best->trial;
     }
     status = fflush(comment) == 0
                  ? space->write(space->context, s->candidate[s->best].vector, text, path)

@@ -85,9 +85,20 @@ pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const 
                         const pm_fit_effort *effort, double seconds,
                         const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used);
 
+// The result of a search.
+typedef struct pm_search_outcome {
+    int chosen[PM_SEARCH_CHOICES]; // [space->count] the winner
+    int ntried;                    // vectors that were tried
+    // The results of the first alternatives and of the winner: of longer fits if both had one, else
+    // of short ones.
+    pm_search_trial first, best;
+} pm_search_outcome;
+
 // Searches and writes the training file of the winner to `path`, with a comment: what was tried,
-// how far each came. A trial that fails is a bad hypothesis, not a failure. Fails as space->write
-// does for the winner; PM_EFILE: no temporary folder; PM_EINTERRUPTED; PM_ENOMEM.
-pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path);
+// how far each came. A trial that fails is a bad hypothesis, not a failure. `outcome` may be NULL.
+// Fails as space->write does for the winner; PM_EFILE: no temporary folder; PM_EINTERRUPTED;
+// PM_ENOMEM.
+pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path,
+                        pm_search_outcome *outcome);
 
 #endif
