@@ -267,10 +267,8 @@ static pm_status run_stages(pm_fit *f) {
                f->training->stage[stage].loss.residual == PM_RESIDUAL_STEP) {
             ++f->position.finer;
             refine(f);
-            printf("stage %d/%d: %s. The steps are too long for the model: %d substeps are "
-                   "taken.\n",
-                   stage + 1, f->training->nstage, pm_error(),
-                   f->training->stage[stage].loss.substeps);
+            printf("stage %d/%d: %s. The stage begins again with %d substeps.\n", stage + 1,
+                   f->training->nstage, pm_error(), f->training->stage[stage].loss.substeps);
             status = run_stage(f);
         }
         // If it fails later, it ends, and training goes on from the best weights so far.

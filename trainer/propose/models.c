@@ -626,10 +626,9 @@ static void write_learned(const port_draft *p, const pm_port_view *view, bool gi
     }
     fprintf(p->f,
             view->carries
-                ? "      # A current may carry entropy from one end to the other; fit says so if "
-                  "the data do not need it.\n"
-                : "      # In the data, rates of one end follow variables of the other end. "
-                  "The strength is learned.\n");
+                ? "      # Rates of entropies at both ends have a part that is odd in time and "
+                  "follows a current.\n"
+                : "      # How variables of both ends move each other is learned.\n");
     for (int k = 0; k < (view->carries ? 3 : 2); ++k) {
         list l = open_list(p->f, before[k]);
         for (int end = 0; end < 2; ++end) {
@@ -836,7 +835,15 @@ static void write_port_irreversible(port_draft *p, int port) {
     const int rank = lossy + conductions_of(d, heats);
     if (heats == 0 || rank == 0) {
         if (lossy > 0) {
-            fprintf(p->f, "    # Nothing takes up heat here, since the port exposes no entropy.\n");
+            bool any = false;
+            for (int end = 0; end < 2; ++end) {
+                for (int g = 0; g < p->shown[end]->ngroup; ++g) {
+                    any = any || p->shown[end]->group[g].role == PM_ROLE_ENTROPY;
+                }
+            }
+            fprintf(p->f,
+                    "    # Nothing takes up heat here, since the port exposes no entropy%s.\n",
+                    any ? " that changes in the data or is given a dS" : "");
         }
         return;
     }

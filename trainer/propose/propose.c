@@ -93,12 +93,15 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                 : "MORE are needed, such that a substep changes a rate by at most 0.5, and that a "
                   "decay is at most 2 per substep");
     if (d->rotates) {
-        fprintf(f,
-                "# %s. Nothing depends on directions, so that energies "
-                "depend on the lengths of vectors.\n",
+        bool lengths = true;
+        for (int i = 0; i < physics->nsubsystem; ++i) {
+            lengths = lengths && pm_draft_answer(d, PM_ASK_ENERGY, i) == PM_AS_FOUND;
+        }
+        fprintf(f, "# %s%s.\n",
                 d->rotates == PM_ROTATION_CONSERVED
                     ? "The sum of q x p is conserved"
-                    : "Friction and boundary inputs alone change the sum of q x p");
+                    : "Friction and boundary inputs alone change the sum of q x p",
+                lengths ? ", so that energies depend on the lengths of vectors" : "");
     }
     fputs(comment, f);
     fprintf(f, "scene: %s\n", d->p->scene_path);
