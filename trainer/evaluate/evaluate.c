@@ -518,8 +518,7 @@ pm_status pm_seen_choose(const pm_system *system, const pm_dataset *dataset, con
         if (!quiet) {
             printf("%d trajectories that %s are left out; --trajectories names them\n", nseen,
                    where);
-        } --trajectories names them\n",
-               nseen, where);
+        }
     } else if (*known && !quiet) {
         if (nseen > 0) {
             printf("%d of these %d trajectories are ones that %s: no test of them\n", nseen, *count,
