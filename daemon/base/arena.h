@@ -57,7 +57,7 @@ pm_status pm_arena_status(const pm_arena *arena, const char *what, ...)
 void pm_arena_free(pm_arena *arena);
 
 // Allocates one zeroed object for `pointer`, apart from any arena, which the caller frees:
-// PM_TRY(PM_NEW(run, "a run")). The file includes stdlib.h. PM_ENOMEM.
+// PM_TRY(PM_NEW(run, "a run")). It needs the declaration of calloc. PM_ENOMEM.
 #define PM_NEW(pointer, what)                           \
     (((pointer) = calloc(1, sizeof *(pointer))) != NULL \
          ? PM_OK                                        \

@@ -19,7 +19,6 @@
 #include "base/files.h"
 #include "base/template.h"
 #include "base/unit.h"
-#include "export/archive.h"
 #include "export/source.h"
 #include "library/names.h"
 #include "model/training_range.h"
@@ -60,6 +59,9 @@ static const struct {
 enum { NFILE = sizeof files / sizeof files[0] };
 
 #define OUT_OF_MEMORY "an FMU" // what there was no memory for
+#define ZIP_VERSION 20         // of the format of the archive: folders
+#define ZIP_DATE 0x0021        // 1 January 1980, so that the same scene gives the same bytes
+#define LARGEST_MEMBER INT32_MAX
 #define ABILITIES                                                  \
     "canGetAndSetFMUState=\"true\" canSerializeFMUState=\"true\" " \
     "providesDirectionalDerivatives=\"true\" providesAdjointDerivatives=\"true\""
@@ -85,6 +87,109 @@ typedef struct variable {
     double low, high;      // of states in training; NAN: not known
 } variable;
 
+// --- the archive ---
+//
+// A ZIP archive whose members are stored as they are (PKWARE, APPNOTE 6.3.3): local headers,
+// members, and the central directory.
+
+typedef struct archive_member {
+    const char *name;
+    uint32_t crc, size, offset;
+    struct archive_member *older;
+} archive_member;
+
+// `file` and `arena` are borrowed.
+typedef struct archive {
+    FILE *file;
+    pm_arena *arena;
+    int count;
+    archive_member *newest;
+} archive;
+
+static uint32_t crc_of(const unsigned char *bytes, size_t size) {
+    uint32_t crc = UINT32_MAX;
+    for (size_t i = 0; i < size; ++i) {
+        crc ^= bytes[i];
+        for (int bit = 0; bit < 8; ++bit) {
+            crc = crc >> 1 ^ ((crc & 1) != 0 ? UINT32_C(0xedb88320) : 0);
+        }
+    }
+    return ~crc;
+}
+
+static void put16(FILE *file, unsigned value) {
+    fputc((int)(value & 0xff), file);
+    fputc((int)(value >> 8 & 0xff), file);
+}
+
+static void put32(FILE *file, uint32_t value) {
+    put16(file, value & 0xffff);
+    put16(file, value >> 16);
+}
+
+// Writes what the local header and the directory's entry of a member have in common.
+static void put_common(FILE *file, const archive_member *m) {
+    put16(file, ZIP_VERSION);
+    put16(file, 0); // flags
+    put16(file, 0); // stored
+    put16(file, 0); // time
+    put16(file, ZIP_DATE);
+    put32(file, m->crc);
+    put32(file, m->size);
+    put32(file, m->size);
+    put16(file, (unsigned)strlen(m->name));
+    put16(file, 0); // extra field
+}
+
+// Adds a member `bytes` [size] under `name`, of which the arena keeps a copy. PM_ENOMEM. PM_EFILE:
+// the member or the archive is larger than 2 GiB. A failure to write sets ferror(a->file), which
+// the caller checks at the end.
+static pm_status add_member(archive *a, const char *name, const void *bytes, size_t size) {
+    const long offset = ftell(a->file);
+    archive_member *m = pm_arena_alloc(a->arena, sizeof *m);
+    const char *kept = pm_arena_strdup(a->arena, name);
+    if (m == NULL || kept == NULL) {
+        return pm_fail(PM_ENOMEM, "out of memory for an archive");
+    }
+    if (offset < 0 || offset > LARGEST_MEMBER || size > LARGEST_MEMBER) {
+        return pm_fail(PM_EFILE, "%s: %zu bytes are too large for an archive", name, size);
+    }
+    *m = (archive_member){kept, crc_of(bytes, size), (uint32_t)size, (uint32_t)offset, a->newest};
+    a->newest = m;
+    ++a->count;
+    put32(a->file, 0x04034b50);
+    put_common(a->file, m);
+    fputs(name, a->file);
+    fwrite(bytes, 1, size, a->file);
+    return PM_OK;
+}
+
+// Writes the directory with which the archive ends.
+static void finish_archive(const archive *a) {
+    FILE *file = a->file;
+    const long begin = ftell(file);
+    for (const archive_member *m = a->newest; m != NULL; m = m->older) {
+        put32(file, 0x02014b50);
+        put16(file, ZIP_VERSION);
+        put_common(file, m);
+        put16(file, 0); // comment
+        put16(file, 0); // disk
+        put16(file, 0); // internal attributes
+        put32(file, 0); // external attributes
+        put32(file, m->offset);
+        fputs(m->name, file);
+    }
+    const long end = ftell(file);
+    put32(file, 0x06054b50);
+    put16(file, 0);
+    put16(file, 0);
+    put16(file, (unsigned)a->count);
+    put16(file, (unsigned)a->count);
+    put32(file, (uint32_t)(end - begin));
+    put32(file, (uint32_t)begin);
+    put16(file, 0); // comment
+}
+
 typedef struct fmu_writer {
     int version;        // of FMI: 2 or 3
     const char *author; // of the model; NULL: not given
@@ -96,7 +201,7 @@ typedef struct fmu_writer {
     variable *variable; // [reference.end] by reference
     double *first;      // [nprescribed] values of the boundary inputs at the start
     const char *folder; // temporary
-    pm_archive archive;
+    archive archive;
 } fmu_writer;
 
 // --- units ---
@@ -574,7 +679,7 @@ static pm_status pack(fmu_writer *w, const char *name, const char *plain) {
     rewind(file);
     const bool whole = bytes != NULL && fread(bytes, 1, (size_t)size, file) == (size_t)size;
     fclose(file);
-    return whole ? pm_archive_add(&w->archive, name, bytes, (size_t)size)
+    return whole ? add_member(&w->archive, name, bytes, (size_t)size)
                  : pm_fail(PM_EFILE, "%s: cannot be read", plain);
 }
 
@@ -671,12 +776,12 @@ static pm_status compile(fmu_writer *w, bool *compiled) {
 static pm_status write_archive(fmu_writer *w, const char *path, bool *compiled) {
     FILE *file = NULL;
     PM_TRY(pm_files_create(&file, path));
-    w->archive = (pm_archive){.file = file, .arena = w->arena};
+    w->archive = (archive){.file = file, .arena = w->arena};
     pm_status status = pack_all(w);
     if (status == PM_OK) {
         status = compile(w, compiled);
     }
-    pm_archive_finish(&w->archive);
+    finish_archive(&w->archive);
     const bool bad = ferror(file) != 0;
     if ((fclose(file) != 0 || bad) && status == PM_OK) {
         status = pm_fail(PM_EFILE, "%s: cannot be written: %s", path, strerror(errno));

@@ -3,9 +3,8 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdlib.h>
 #include <string.h>
-
-#include "bodies/solid/surface.h"
 
 #define PARALLEL 0.999  // cosine above which two normals count as equal
 #define TOLERANCE 1e-6  // relative to the size of a face
@@ -44,20 +43,78 @@ static double make_unit(double *a) {
 }
 
 // --- the surface of a body in its place ---
+//
+// The faces that belong to one element only: all faces of all elements are sorted, so that a face
+// that two elements share stands beside its twin.
+
+// A quadrangle; seen from outside its nodes run counterclockwise.
+typedef struct surface_face {
+    int node[4];
+    int sorted[4]; // the same nodes in ascending order, which identify the face
+} surface_face;
+
+typedef struct surface {
+    int nface;
+    surface_face *face; // [nface], ordered by `sorted`
+} surface;
+
+static int compare_nodes(const void *a, const void *b) {
+    return *(const int *)a - *(const int *)b;
+}
+
+static int compare_faces(const void *a, const void *b) {
+    const surface_face *x = a, *y = b;
+    for (int i = 0; i < 4; ++i) {
+        if (x->sorted[i] != y->sorted[i]) {
+            return x->sorted[i] - y->sorted[i];
+        }
+    }
+    return 0;
+}
+
+// Finds the surface of `nelement` > 0 hexahedra [nelement][8], whose nodes are numbered as in VTK.
+// Memory from the arena. PM_ENOMEM.
+static pm_status find_surface(surface *found_surface, int nelement, const double *hexahedron,
+                              pm_arena *arena) {
+    static const int corner[6][4] = {{0, 3, 2, 1}, {4, 5, 6, 7}, {0, 1, 5, 4},
+                                     {1, 2, 6, 5}, {2, 3, 7, 6}, {3, 0, 4, 7}};
+    const size_t count = 6 * (size_t)nelement;
+    surface_face *all = pm_arena_array(arena, count, sizeof *all);
+    PM_TRY(pm_arena_status(arena, "the surface of a body"));
+    for (size_t i = 0; i < count; ++i) {
+        for (int k = 0; k < 4; ++k) {
+            all[i].node[k] = (int)hexahedron[8 * (i / 6) + (size_t)corner[i % 6][k]];
+        }
+        memcpy(all[i].sorted, all[i].node, sizeof all[i].sorted);
+        qsort(all[i].sorted, 4, sizeof *all[i].sorted, compare_nodes);
+    }
+    qsort(all, count, sizeof *all, compare_faces);
+    int found = 0;
+    for (size_t i = 0, same = 1; i < count; i += same) {
+        for (same = 1; i + same < count && compare_faces(&all[i], &all[i + same]) == 0;) {
+            ++same;
+        }
+        if (same == 1) {
+            all[found++] = all[i];
+        }
+    }
+    *found_surface = (surface){.nface = found, .face = all};
+    return PM_OK;
+}
 
 static pm_status place_surface(contact_side *s, const pm_placed_body *body, pm_arena *arena) {
-    pm_surface surface;
+    surface own;
     if (body->nelement == 0) {
         return pm_fail(PM_EDATA, "%s: the basis has no mesh, whose sides could touch", body->name);
     }
-    PM_TRY(pm_surface_find(&surface, body->nelement, body->hexahedron, arena));
-    s->nface = surface.nface;
-    s->face = pm_arena_array(arena, (size_t)surface.nface, sizeof *s->face);
+    PM_TRY(find_surface(&own, body->nelement, body->hexahedron, arena));
+    s->nface = own.nface;
+    s->face = pm_arena_array(arena, (size_t)own.nface, sizeof *s->face);
     PM_TRY(pm_arena_status(arena, "the surface of a body"));
-    for (int i = 0; i < surface.nface; ++i) {
+    for (int i = 0; i < own.nface; ++i) {
         contact_face *f = &s->face[i];
         double diagonal[2][3];
-        memcpy(f->node, surface.face[i].node, sizeof f->node);
+        memcpy(f->node, own.face[i].node, sizeof f->node);
         for (int k = 0; k < 4; ++k) {
             pm_placement_point(&body->placement, body->position + 3 * (ptrdiff_t)f->node[k],
                                f->corner[k]);
