@@ -319,24 +319,6 @@ static void write_nominals(FILE *file, const void *context) {
     }
 }
 
-// Returns the position of the subsystem that has the component c of the scene's state.
-static int owner_of(const pm_physics *physics, int c) {
-    int id = 0;
-    while (physics->subsystem[id].first + physics->subsystem[id].layout.nz <= c) {
-        ++id;
-    }
-    return id;
-}
-
-// Returns the position of the group that has the component c of a layout.
-static int group_of(const pm_layout *layout, int c) {
-    int g = 0;
-    while (g + 1 < layout->ngroup && layout->group[g + 1].first <= c) {
-        ++g;
-    }
-    return g;
-}
-
 // Sets a variable and returns it, so that more can be said of it.
 static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
     variable *v = &w->variable[reference];
@@ -350,8 +332,9 @@ static void add_states(fmu_writer *w) {
     for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
         const pm_scene_subsystem *s = &w->scene->physics.subsystem[i];
         const pm_training_range range = pm_training_range_of(w->setup->system->part[i]);
-        for (int c = 0; c < s->layout.nz; ++c) {
-            const int k = s->first + c, g = group_of(&s->layout, c);
+        for (int c = 0, g = 0; c < s->layout.nz; ++c) {
+            const int k = s->first + c;
+            g += g + 1 < s->layout.ngroup && s->layout.group[g + 1].first <= c; // that has c
             variable *state = add(w, r->state + k, EXACT, v->state.name[k], v->state.unit[k]);
             state->start = w->setup->initial[k];
             // How large the states of the group are in training; 1 if that is not known.
@@ -544,7 +527,11 @@ static void mark(const fmu_writer *w, int unknown, bool *known) {
     } else { // a rate, or a co-energy
         component =
             unknown < r->input ? unknown - r->derivative : (unknown - r->slope) % physics->nz;
-        subsystem = owner_of(physics, component);
+        for (subsystem = 0;
+             physics->subsystem[subsystem].first + physics->subsystem[subsystem].layout.nz <=
+             component;) {
+            ++subsystem; // that has the component
+        }
     }
     if (subsystem >= 0) {
         const pm_scene_subsystem *s = &physics->subsystem[subsystem];

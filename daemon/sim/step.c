@@ -566,13 +566,6 @@ static void tally_subsystems(const pm_model *m, const pm_data *d, const pm_subsy
     }
 }
 
-// Returns true if both ends of a port are at subsystems here.
-static bool is_inner(const pm_model *m, const pm_scene_port *port) {
-    return port->subsystem[0] >= 0 && port->subsystem[1] >= 0 &&
-           m->subsystem_at[port->subsystem[0]].group != PM_NOWHERE &&
-           m->subsystem_at[port->subsystem[1]].group != PM_NOWHERE;
-}
-
 // Adds the ports of a group that are inner ones, as many at a time as follow each other. A port
 // counts for each subsystem here at its ends. A law that is evaluated end by end has its fluxes in
 // two groups; that of end A adds them.
@@ -595,7 +588,11 @@ static void tally_ports(const pm_model *m, const pm_data *d, const pm_port_group
     }
     int begin = 0;
     for (int l = 0; l <= group->count; ++l) {
-        const bool inner = l < group->count && is_inner(m, &port[group->id[l]]);
+        // Whether both ends of the port are at subsystems here.
+        const int *at = l < group->count ? port[group->id[l]].subsystem : NULL;
+        const bool inner = at != NULL && at[0] >= 0 && at[1] >= 0 &&
+                           m->subsystem_at[at[0]].group != PM_NOWHERE &&
+                           m->subsystem_at[at[1]].group != PM_NOWHERE;
         if (l < group->count) {
             const long ends = both && inner ? 2 : 1;
             add_counts(tally, ends * d->port_calls,
