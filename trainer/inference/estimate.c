@@ -92,7 +92,7 @@ static pm_status differentiate(const pm_estimate *e, pm_shooting *s,
             for (ptrdiff_t c = 0; c < e->ny; ++c) {
                 const ptrdiff_t k = s->observation->component[c];
                 if (k >= 0) {
-                    covariance[k * (nz + 1)] = u->independent[c] * u->independent[c];
+                    covariance[k * (nz + 1)] = start->noise[c] * start->noise[c];
                 }
             }
             continue;
