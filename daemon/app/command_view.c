@@ -304,19 +304,6 @@ typedef struct recording_reader {
     int *at;       // [most] position in a frame of each member of a range; -1: none
 } recording_reader;
 
-// Widens the bounds at position `at` of all frames by the samples between them, of a series [rows]
-// that stands for this number alone.
-static void add_between(const recording_reader *r, const double *value, int at) {
-    const view_history *h = &r->view->history;
-    for (int i = 0; i < h->count && at >= TOTALS; ++i) {
-        double *low = frame_at(h, i) + at + h->shown, *high = low + h->shown;
-        for (long k = (long)(i - 1) * r->stride + 1; k <= (long)i * r->stride; ++k) {
-            *low = k < 0 ? *low : fmin(*low, value[k]);
-            *high = k < 0 ? *high : fmax(*high, value[k]);
-        }
-    }
-}
-
 // Adds the series `name`, which has one number for each sample, to the numbers at position `at` of
 // all frames. Without the series they become NaN: a recording need not have every number.
 static pm_status add_series(const recording_reader *r, const char *name, int at) {
@@ -337,8 +324,14 @@ static pm_status add_series(const recording_reader *r, const char *name, int at)
     for (int i = 0; i < h->count && status == PM_OK; ++i) {
         frame_at(h, i)[at] += value == NULL ? (double)NAN : value[(long)i * r->stride];
     }
-    if (status == PM_OK && value != NULL && !r->summed) {
-        add_between(r, value, at);
+    // The samples between widen the bounds of a number that has no other series.
+    for (int i = 0; i < h->count && value != NULL && status == PM_OK && !r->summed && at >= TOTALS;
+         ++i) {
+        double *low = frame_at(h, i) + at + h->shown, *high = low + h->shown;
+        for (long k = i == 0 ? 0 : (long)(i - 1) * r->stride + 1; k <= (long)i * r->stride; ++k) {
+            *low = fmin(*low, value[k]);
+            *high = fmax(*high, value[k]);
+        }
     }
     free(value);
     return status;

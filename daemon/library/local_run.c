@@ -32,25 +32,6 @@ pm_status pm_local_run_start(pm_local_run *run, const double *z) {
     return book(run);
 }
 
-pm_status pm_local_run_copy(pm_local_run *run, const pm_local_run *from) {
-    PM_TRY(pm_monolithic_copy(run->monolithic, from->monolithic));
-    const pm_system *system = run->ledger.system;
-    run->ledger = from->ledger;
-    run->ledger.system = system;
-    // The arrays of the sample are the run's own, filled by the copy.
-    const pm_sample *own = pm_monolithic_sample(run->monolithic);
-    run->sample = from->sample;
-    run->sample.z = own->z;
-#define OWN_NUMBER(type, name, series, unit) run->sample.name = own->name;
-#define OWN_BULK(member, name, series, unit) run->sample.name = own->name;
-    PM_SUBSYSTEM_NUMBERS(OWN_NUMBER, OWN_BULK)
-#undef OWN_NUMBER
-#undef OWN_BULK
-    run->sample.flux = own->flux;
-    run->sample.live = run->setup->live;
-    return PM_OK;
-}
-
 pm_status pm_local_run_step(pm_local_run *run) {
     const pm_setup *setup = run->setup;
     if (setup->replay != NULL) {

@@ -36,10 +36,6 @@ void pm_local_run_close(pm_local_run *run);
 // pm_ledger_add_sample.
 pm_status pm_local_run_start(pm_local_run *run, const double *z);
 
-// Takes over state, step and ledger of another run of the same system, but not its recording: both
-// go on with the same bits. PM_ENOMEM.
-pm_status pm_local_run_copy(pm_local_run *run, const pm_local_run *from);
-
 // Takes one step, enters it in the ledger and records it. Fails as pm_monolithic_step does, with
 // the sample and the ledger as they were, and as pm_ledger_add_sample and pm_recording_append do,
 // after which they are those of the step unless the run undoes it.

@@ -140,6 +140,12 @@ int portmet_scene_connect(portmet_scene **scene, const char *name, const char *u
         .record = record,
         .patience = patience > 0 ? patience : 10,
     };
+    if (pm_transport_has_ranks(address.url)) {
+        return (int)pm_fail(PM_EUSAGE,
+                            "%s connects the processes that mpirun has started, and no "
+                            "others",
+                            url);
+    }
     portmet_scene *s = calloc(1, sizeof *s);
     pm_status status = pm_fail(PM_ENOMEM, "out of memory for a scene");
     if (s != NULL && (s->remote = calloc(1, sizeof *s->remote)) != NULL) {
@@ -251,32 +257,39 @@ int portmet_scene_restart(portmet_scene *scene, const double *z) {
     return leave(scene, restart(scene, z));
 }
 
-static pm_status copy_scene(portmet_scene *scene, portmet_scene *from) {
-    if (scene->remote != NULL || from->remote != NULL) {
-        return pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere",
-                       scene_name(from->remote != NULL ? from : scene));
-    }
-    if (scene->setup.system->digest != from->setup.system->digest) {
-        return pm_fail(PM_EUSAGE, "scenes %s and %s were not opened from the same files",
-                       scene_name(scene), scene_name(from));
-    }
-    PM_TRY(end_recording(scene));
-    const size_t n = (size_t)scene->setup.scene->physics.nprescribed;
-    if (n > 0) {
-        memcpy(scene->input, from->input, n * sizeof *scene->input);
-    }
-    return pm_local_run_copy(&scene->run, &from->run);
-}
-
 int portmet_scene_copy(portmet_scene *scene, portmet_scene *from) {
+    if (scene->remote != NULL || from->remote != NULL ||
+        scene->setup.system->digest != from->setup.system->digest) {
+        return (int)pm_fail(PM_EUSAGE, "scene %s: scene %s was not opened here from the same files",
+                            scene_name(scene), scene_name(from));
+    }
+    const size_t n = (size_t)scene->setup.scene->physics.nprescribed;
     if (scene == from || enter(scene) != PM_OK) {
         return scene == from ? PORTMET_OK : PORTMET_EUSAGE;
     }
+    pm_local_run *run = &scene->run;
     pm_status status = enter(from);
-    if (status == PM_OK) {
-        status = copy_scene(scene, from);
-        atomic_flag_clear(&from->busy);
+    if (status != PM_OK) {
+        return leave(scene, status);
     }
+    PM_TRY_DONE(end_recording(scene));
+    PM_TRY_DONE(pm_monolithic_copy(run->monolithic, from->run.monolithic));
+    if (n > 0) {
+        memcpy(scene->input, from->input, n * sizeof *scene->input);
+    }
+    run->ledger = from->run.ledger;
+    run->ledger.system = scene->setup.system;
+    // The arrays of the sample are the run's own, filled by the copy.
+    const pm_sample *own = pm_monolithic_sample(run->monolithic);
+    run->sample = from->run.sample;
+    run->sample.z = own->z;
+#define OWN_NUMBER(type, name, series, unit) run->sample.name = own->name;
+#define OWN_BULK(member, name, series, unit) run->sample.name = own->name;
+    PM_SUBSYSTEM_NUMBERS(OWN_NUMBER, OWN_BULK)
+    run->sample.flux = own->flux;
+    run->sample.live = scene->setup.live;
+done:
+    atomic_flag_clear(&from->busy);
     return leave(scene, status);
 }
 

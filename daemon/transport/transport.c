@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/plugin.h"
 #include "transport/transport_table.h"
 
 struct pm_transport {
@@ -26,8 +27,11 @@ static const struct {
 static pm_status find(const char *url, const pm_transport_table **table) {
     for (size_t i = 0; i < sizeof schemes / sizeof schemes[0]; ++i) {
         if (strncmp(url, schemes[i].scheme, strlen(schemes[i].scheme)) == 0) {
-            *table = schemes[i].table;
-            return *table != NULL ? PM_OK : pm_transport_mpi_load(table);
+            const void *loaded = schemes[i].table;
+            PM_TRY(loaded != NULL ? PM_OK
+                                  : pm_plugin_find("portmet-mpi.so", "pm_transport_mpi", &loaded));
+            *table = loaded;
+            return PM_OK;
         }
     }
     return pm_fail(

@@ -432,7 +432,7 @@ static int mpi_file(const void *state) {
     return -1;
 }
 
-// transport_mpi_load.c asks for this name.
+// transport.c asks for this name.
 extern const pm_transport_table pm_transport_mpi __attribute__((visibility("default")));
 const pm_transport_table pm_transport_mpi = {
     mpi_check, mpi_open, mpi_close, mpi_subscribe, mpi_publish, mpi_wait, mpi_file, mpi_place,

@@ -20,8 +20,6 @@ typedef struct pm_transport_table {
 } pm_transport_table;
 
 extern const pm_transport_table pm_transport_lcm;
-// Loads the table of MPI. PM_ECONFIG: it is not installed.
-pm_status pm_transport_mpi_load(const pm_transport_table **table);
 
 // A transport in front of another one begins with this. Its table has the functions below where it
 // passes a call on as it is.

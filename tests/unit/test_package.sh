@@ -11,7 +11,9 @@ done
 (cd "$build" && cpack -G DEB -B "$folder/made") >"$folder/cpack.log" 2>&1 || fail "cpack: $(tail -n 5 "$folder/cpack.log")"
 portmet=$(ls "$folder"/made/portmet_*.deb)
 dev=$(ls "$folder"/made/libportmet-dev_*.deb)
-for package in "$portmet" "$dev"; do
+library=$(ls "$folder"/made/libportmet0_*.deb)
+python=$(ls "$folder"/made/python3-portmet_*.deb)
+for package in "$folder"/made/*.deb; do
     for field in Package Version Architecture Maintainer Description Depends; do
         [ -n "$(dpkg-deb -f "$package" $field)" ] || fail "$package has no field $field"
     done
@@ -23,8 +25,19 @@ for package in "$portmet" "$dev"; do
     grep -E '^.{5}w|^.{8}w' "$folder/$name.list" | grep -v '^l' && fail "$name has files that others can write"
 done
 dpkg-deb -f "$portmet" Depends | grep -q libhdf5 || fail "portmet does not depend on HDF5"
+for package in "$portmet" "$library" "$dev" "$python"; do
+    dpkg-deb -f "$package" Depends | grep -qi -E 'mpi|gmsh' && fail "$package needs $(dpkg-deb -f "$package" Depends)"
+done
+dpkg-deb -f "$python" Depends | grep -q 'libportmet0 (= ' || fail "python3-portmet does not depend on its library"
+for file in dist-packages/portmet/scene.py dist-packages/portmet/py.typed dist-packages/portmet-[0-9.]*.dist-info/METADATA; do
+    grep -q "usr/lib/python3/$file$" "$folder/python3-portmet.list" || fail "python3-portmet lacks $file"
+done
+grep -q 'lib/.*libportmet[.]so[.]0$' "$folder/libportmet0.list" || fail "libportmet0 lacks the library"
+grep -q 'libportmet' "$folder/portmet.list" && fail "portmet has the library"
+cat "$folder"/*.list | grep '[.]pc$' | grep -v libportmet.pc && fail "another file for pkg-config"
 for file in bin/portmetd share/man/man1/portmetd.1.gz share/man/man5/portmet-scene.5.gz share/man/man5/portmet-training.5.gz \
-    share/man/man5/portmet-dataset.5.gz share/bash-completion/completions/portmetd share/portmet/configs/double_pendulum.yaml; do
+    share/man/man5/portmet-dataset.5.gz share/doc/portmet/README.md \
+    share/doc/portmet/daemon/SCENE.md share/doc/portmet/trainer/TRAINING.md share/portmet/python/tables/__main__.py share/bash-completion/completions/portmetd share/portmet/configs/double_pendulum.yaml; do
     grep -q "usr/$file$" "$folder/portmet.list" || fail "portmet lacks $file"
 done
 grep -q 'include/portmet.h' "$folder/libportmet-dev.list" || fail "libportmet-dev lacks the header"
@@ -47,16 +60,22 @@ if [ "$(id -u)" -eq 0 ]; then
     : >"$folder/clean/var/lib/dpkg/status"
     : >"$folder/clean/var/lib/dpkg/available"
     set -- dpkg --root="$folder/clean" --force-depends --force-script-chrootless --log=/dev/null
-    "$@" -i "$portmet" "$dev" >"$folder/dpkg.log" 2>&1 || fail "dpkg -i: $(tail -n 5 "$folder/dpkg.log")"
+    "$@" -i "$portmet" "$library" "$dev" "$python" >"$folder/dpkg.log" 2>&1 || fail "dpkg -i: $(tail -n 5 "$folder/dpkg.log")"
     [ -x "$folder/clean/usr/bin/portmetd" ] && [ -e "$folder/clean/usr/include/portmet.h" ] || fail "nothing is installed"
-    "$@" -P libportmet-dev portmet >"$folder/dpkg.log" 2>&1 || fail "dpkg -P: $(tail -n 5 "$folder/dpkg.log")"
+    if /usr/bin/python3 -c 'import numpy, h5py' 2>/dev/null; then
+        PYTHONPATH=$folder/clean/usr/lib/python3/dist-packages /usr/bin/python3 -B -c "import importlib.metadata, portmet
+assert portmet.Scene('$folder/clean/usr/share/portmet/configs/double_pendulum.yaml').step(2).steps == 2
+assert '$folder' in portmet.__file__ and importlib.metadata.version('portmet') == portmet.__version__" ||
+            fail "the installed package for Python"
+    fi
+    "$@" -P python3-portmet libportmet-dev libportmet0 portmet >"$folder/dpkg.log" 2>&1 || fail "dpkg -P: $(tail -n 5 "$folder/dpkg.log")"
     left=$(find "$folder/clean" ! -type d ! -path '*/var/lib/dpkg/*')
     [ -z "$left" ] || fail "what is left after removal: $left"
 fi
 
-# Debian's checker finds no error but the contact, which is that of whoever builds.
+# Debian's checker finds nothing but the contact, which is that of whoever builds.
 if command -v lintian >/dev/null; then
-    errors=$(lintian --allow-root "$portmet" "$dev" 2>/dev/null | grep '^E:' | grep -vE 'root-in-contact|bogus-mail-host')
+    errors=$(lintian --allow-root "$folder"/made/*.deb 2>/dev/null | grep '^[EW]:' | grep -vE 'root-in-contact|bogus-mail-host')
     [ -z "$errors" ] || fail "lintian: $errors"
 fi
 
