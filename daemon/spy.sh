@@ -29,7 +29,7 @@ need_packages liblcm-bin liblcm-java default-jre libjchart2d-java ecj python3
 java=/usr/share/java
 lcm-gen -j --jpath "$types" lcmtypes/portmet.lcm
 # Debian's small compiler for Java needs no JDK.
-ecj -nowarn -source 8 -target 8 -cp $java/lcm.jar -d "$types/classes" "$types"/portmet/*.java
+ecj -proc:none -nowarn -source 8 -target 8 -cp $java/lcm.jar -d "$types/classes" "$types"/portmet/*.java
 rm -f "$types/types.jar"
 (cd "$types/classes" && python3 -m zipfile -c ../types.jar portmet)
 
