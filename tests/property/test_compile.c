@@ -17,6 +17,7 @@
 
 #include "library/fleet.h"
 #include "library/local_run.h"
+#include "tests/support/row_of_bodies.h"
 
 static char cache[] = "/tmp/portmet-test-XXXXXX";
 static char folder[64];
@@ -38,6 +39,25 @@ static void open_setup(pm_setup *setup, const char *name, bool compiled) {
     setup->system->compiled = compiled;
 }
 
+// Compares two samples: states, fluxes, and what was evaluated and skipped.
+static void assert_same(const pm_sample *a, const pm_sample *b, const pm_physics *physics,
+                        const char *what) {
+    const size_t n = (size_t)physics->nsubsystem, size = n * sizeof(double);
+    bool same = memcmp(a->z, b->z, (size_t)physics->nz * sizeof(double)) == 0 &&
+                memcmp(a->energy, b->energy, size) == 0 &&
+                memcmp(a->entropy, b->entropy, size) == 0 &&
+                memcmp(a->bulk_energy, b->bulk_energy, size) == 0 &&
+                memcmp(a->bulk_entropy, b->bulk_entropy, size) == 0 &&
+                memcmp(a->flux, b->flux, (size_t)physics->nport * sizeof *a->flux) == 0;
+    for (size_t i = 0; i < n; ++i) {
+        same = same && a->evaluated[i] == b->evaluated[i] && a->skipped[i] == b->skipped[i] &&
+               a->outside[i] == b->outside[i];
+    }
+    if (!same) {
+        fail_msg("%s: other numbers in step %ld", what, a->step);
+    }
+}
+
 static void scenes_have_the_same_bits(void **state) {
     (void)state;
     for (size_t k = 0; k < sizeof scenes / sizeof *scenes; ++k) {
@@ -53,15 +73,45 @@ static void scenes_have_the_same_bits(void **state) {
             const pm_physics *physics = &setup[0].scene->physics;
             assert_int_equal(pm_local_run_step(&run[0]), PM_OK);
             assert_int_equal(pm_local_run_step(&run[1]), PM_OK);
-            const pm_sample *a = &run[0].sample, *b = &run[1].sample;
-            const size_t n = (size_t)physics->nsubsystem * sizeof(double);
-            if (memcmp(a->z, b->z, (size_t)physics->nz * sizeof(double)) != 0 ||
-                memcmp(a->energy, b->energy, n) != 0 || memcmp(a->entropy, b->entropy, n) != 0 ||
-                memcmp(a->bulk_entropy, b->bulk_entropy, n) != 0 ||
-                memcmp(a->flux, b->flux, (size_t)physics->nport * sizeof *a->flux) != 0) {
-                fail_msg("%s: other bits at step %d", scenes[k], step + 1);
-            }
+            assert_same(&run[0].sample, &run[1].sample, physics, scenes[k]);
         }
+        for (int i = 0; i < 2; ++i) {
+            pm_local_run_close(&run[i]);
+            pm_setup_free(&setup[i]);
+        }
+    }
+}
+
+// Bodies rest until a hand pushes one of them, and the others begin to move.
+static void resting_bodies_have_the_same_counts(void **state) {
+    (void)state;
+    static const char *const methods[] = {"integrator: rk4, substeps: 2", "integrator: euler"};
+    for (int m = 0; m < 2; ++m) {
+        pm_setup setup[2];
+        pm_local_run run[2];
+        double hands[12] = {0}, z[15] = {0};
+        char text[4096];
+        snprintf(text, sizeof text, PM_ROW_OF_BODIES("", ""), methods[m]);
+        for (int i = 0; i < 2; ++i) {
+            pm_scene *scene = NULL;
+            setup[i] = (pm_setup){0};
+            assert_int_equal(pm_scene_parse(&scene, text, "row.yaml"), PM_OK);
+            assert_int_equal(pm_setup_open(&setup[i], scene, NULL), PM_OK);
+            assert_int_equal(pm_setup_complete(&setup[i], PM_TO_SERVE), PM_OK);
+            assert_int_equal(scene->physics.nprescribed, 12);
+            setup[i].boundary_input.held = hands;
+            setup[i].system->compiled = i == 1;
+            assert_int_equal(pm_local_run_open(&run[i], &setup[i], PM_LOCAL_SAMPLES), PM_OK);
+            assert_int_equal(pm_local_run_start(&run[i], z), PM_OK);
+        }
+        for (int step = 0; step < 12; ++step) {
+            hands[2] = step == 3 || step == 4 ? 0.5 : 0;
+            for (int i = 0; i < 2; ++i) {
+                assert_int_equal(pm_local_run_step(&run[i]), PM_OK);
+            }
+            assert_same(&run[0].sample, &run[1].sample, &setup[0].scene->physics, methods[m]);
+        }
+        assert_true(run[0].sample.skipped[0] > 0);
         for (int i = 0; i < 2; ++i) {
             pm_local_run_close(&run[i]);
             pm_setup_free(&setup[i]);
@@ -179,6 +229,7 @@ static int remove_one(const char *path, const struct stat *s, int kind, struct F
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(scenes_have_the_same_bits),
+        cmocka_unit_test(resting_bodies_have_the_same_counts),
         cmocka_unit_test(copies_have_the_same_bits),
         cmocka_unit_test(only_whole_entries_of_the_user_are_loaded),
     };
