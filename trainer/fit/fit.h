@@ -94,6 +94,7 @@ typedef struct pm_fit_measured {
     // other weights.
     unsigned char *beside;
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
+    double huber;       // pm_shooting_terms.huber unless windows begin as whole trajectories
     int longest;        // samples of the longest track
     long used, samples; // number of samples that the fit uses, and of all samples
 } pm_fit_measured;

@@ -27,6 +27,10 @@
 // The attempt whose first windows are whole trajectories. Where the model is wrong by more than the
 // noise, free starts of hidden components hide that in short windows, and lead the weights astray.
 #define LONG_ATTEMPT 1
+#define MISLED 4.0 // residuals over noise, where hidden components are fitted
+// Of the residual and of the part of a trajectory that the last windows do not have: half of it at
+// least, unless windows became whole trajectories.
+#define STOPPED 0.5
 #define DISTURBED 0.7 // deviation of a constant of another start, of its logarithm or its size
 // Records are divided into pieces for the calibration of bands if they are fewer than this.
 #define FEWEST_RECORDS 4
@@ -608,8 +612,9 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
             pm_trained_scatter(f->training->system, f->theta);
         }
     }
-    const int own = p->attempt == MOST_ATTEMPTS ? p->best_done : p->attempt;
-    continuation->first = own == LONG_ATTEMPT ? pm_continuation_longest(s) : 0;
+    const bool whole = p->attempt == MOST_ATTEMPTS ? p->loss < STOPPED : p->attempt == LONG_ATTEMPT;
+    continuation->first = whole ? pm_continuation_longest(s) : 0;
+    s->terms.huber = whole ? INFINITY : f->measured.huber;
     PM_TRY(restore_point(m, s, &continuation->first_point));
     const pm_status status = pm_continuation_run(s, continuation, end);
     continuation_context *c = continuation->context;
@@ -670,6 +675,28 @@ static bool find_moves(pm_fit *f, const pm_shooting *s) {
     return any;
 }
 
+// Returns whether hidden starts may have misled the weights: residuals are much larger than what
+// differs from sample to sample.
+static bool misled(const pm_fit *f, const pm_shooting *s) {
+    size_t all = 1;
+    double excess = 0;
+    bool hides = false;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        all += (size_t)s->tracks->track[i].count;
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        hides = hides || f->measured.observation.hidden[c];
+    }
+    double *size = malloc(all * sizeof *size);
+    for (int c = 0; c < s->ny && size != NULL; ++c) {
+        double error;
+        const double noise = pm_uncertainty_independent(s, c, size, &error);
+        excess += noise > 0 ? log(s->terms.noise[c] / noise) / s->ny : 0;
+    }
+    free(size);
+    return hides && exp(excess) > MISLED;
+}
+
 // Trains, and tries other starts where the first one does not lead to a model.
 static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continuation,
                             int substeps) {
@@ -728,8 +755,10 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             return p->loss > 0 ? PM_OK
                                : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
         }
-        if (residual < UNLUCKY || last || f->training->plain || f->size == 0 ||
-            (p->attempt + 1 == MOST_ATTEMPTS && p->best_done == p->attempt && p->loss > 0)) {
+        const bool good = p->loss > 0 && p->loss < UNLUCKY && !(p->attempt == 0 && misled(f, s));
+        const bool best = p->best_done == p->attempt && p->loss > 0;
+        if ((good && best) || last || f->training->plain || f->size == 0 ||
+            (p->attempt + 1 == MOST_ATTEMPTS && best)) {
             return isfinite(residual)
                        ? PM_OK
                        : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
@@ -740,11 +769,12 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         if (status == PM_OK && stopped > 0) {
             printf("the fit stopped at windows of %d of %d samples: ", end.length, longest);
         } else if (status == PM_OK) {
-            printf("the residuals are %.3g %% of the deviation: ", 100 * residual);
+            printf("the residuals are %.3g %% of the deviation, much more than noise: ",
+                   100 * residual);
         } else {
             printf("%s: ", pm_error());
         }
-        ++p->attempt;
+        p->attempt = good ? MOST_ATTEMPTS : p->attempt + 1;
         printf(p->attempt < MOST_ATTEMPTS ? "another start is tried\n"
                                           : "the best start is taken again\n");
         f->measured.point[0] = PM_CONTINUATION_NONE;
@@ -772,6 +802,7 @@ static pm_status run(pm_fit *f) {
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &how, &tracks));
     pm_trained_scatter(f->training->system, f->theta);
+    f->measured.huber = shooting.terms.huber;
     continuation_context context = {.fit = f, .shooting = &shooting};
     pm_continuation continuation = {.given = m->noise,
                                     .typical = m->typical,

@@ -55,6 +55,9 @@ static void describe(const pm_logger_view *v) {
                        v->column[v->action[a].target].name);
             }
         }
+        if (column->saturates) {
+            printf("; its sensor saturates at %.6g", column->largest);
+        }
         if (column->free_scale) {
             printf("; nothing shows its scale, which is 1");
         }
@@ -202,6 +205,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "complete",
                                                         "its rate is hidden",
                                                         "a hidden level falls into it",
+                                                        "a hidden level falls and spills into it",
                                                         "moved by a hidden variable without loss",
                                                         "exchanges heat with a hidden temperature",
                                                         "a cell with a resistance",

@@ -19,6 +19,7 @@
 #define FEWEST_SAMPLES 20   // likewise
 #define BATCH 4096
 #define EMPTY 1e-3 // of the highest level: below it a vessel is empty
+#define ROUND 0.05 // of the deviation: the edge where a sensor begins to saturate
 
 // --- which columns ---
 
@@ -215,7 +216,10 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                       ? ""
                       : ", coenergy: true",
                   f);
-            if (column->source != NULL) {
+            if (column->saturates) {
+                fprintf(f, ", hidden: {guess: %.6g, deviation: %.3g}}   # its sensor saturates\n",
+                        column->mean, 2 * column->deviation);
+            } else if (column->source != NULL) {
                 fprintf(f, ", columns: [\"%s\"]}\n", column->source);
                 if (column->feeds) {
                     fprintf(f,
@@ -235,8 +239,20 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         surroundings = surroundings || loses(v, i);
         level = level || falls(v, i);
     }
-    // The column of a cell shows V = dE/dq + what relaxes + R I.
+    // The column of a sensor that saturates shows no more than its largest value.
     bool any = false;
+    for (int c = 0; c < v->nvariable; ++c) {
+        const pm_logger_column *y = &v->column[c];
+        if (y->saturates) {
+            const char *part = v->part[y->part];
+            const double edge = ROUND * y->deviation;
+            fprintf(f, "%s  %s: \"(%s.%s + %.6g - sqrt((%s.%s - %.6g)^2 + %.3g))/2\"\n",
+                    any ? "" : "observations:\n", y->source, part, y->name, y->largest, part,
+                    y->name, y->largest, edge * edge);
+            any = true;
+        }
+    }
+    // The column of a cell shows V = dE/dq + what relaxes + R I.
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *cell = &v->column[c];
         if (cell->seen == NULL) {
@@ -434,9 +450,10 @@ static void write_losses(pm_logger_writer *w, int part) {
         } else if (pm_logger_loses(v, i)) {
             pm_logger_write_friction(w, i, -1);
         } else if (drains) {
-            char flow[PM_LOGGER_LONG_TEXT];
-            fprintf(w->model, "[a.%s, b.s, \"%s/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
-                    pm_logger_flow(flow, sizeof flow, 'a', y), y->name,
+            char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
+            fprintf(w->model, "[a.%s, b.s, \"(%s + %s)/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
+                    pm_logger_flow(flow, sizeof flow, 'a', y),
+                    pm_logger_spill(spill, sizeof spill, y), y->name,
                     EMPTY * EMPTY * y->largest * y->largest);
         }
         for (int j = i + 1; j < v->nvariable; ++j) {

@@ -655,15 +655,52 @@ const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_co
     return text;
 }
 
+// Returns the law by which fluid spills over the brim of a level, or "0" if it has none.
+const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h) {
+    snprintf(text, size, "0");
+    if (h->spills) {
+        const double edge = SMALL * h->deviation;
+        snprintf(text, size, "spill_%s*(a.%s - brim_%s + sqrt((a.%s - brim_%s)^2 + %.4g))", h->name,
+                 h->name, h->name, h->name, h->name, edge * edge);
+    }
+    return text;
+}
+
+// Returns the mean of the flows into a level, if one of the levels above is hidden, at most `most`
+// of them; else 0.
+static double mean_inflow(const pm_logger_view *v, int h, int most) {
+    double sum = 0;
+    bool hides = v->column[h].source == NULL;
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        sum += action->target == h ? action->gain * v->column[action->input].mean : 0;
+    }
+    for (int above = 0; above < v->nvariable && most > 0; ++above) {
+        const double fall = v->falls[above][h] ? mean_inflow(v, above, most - 1) : 0;
+        hides = hides || fall > 0;
+        sum += fall;
+    }
+    return hides ? fmax(sum, 0) : 0;
+}
+
 void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h) {
-    // At its mean the derivative of the flow by the level is that of the regression.
+    // At its mean the derivative of the flow by the level is that of the regression. Where a hidden
+    // level plays a part, regressions tell less than that as much flows out as in.
     const double part = pow(fmax(h->mean / h->largest, SMALL), ROOT);
+    const double inflow = mean_inflow(w->v, (int)(h - w->v->column), w->v->nvariable);
+    const double outflow =
+        inflow > 0 ? inflow / part : h->inertia * fabs(h->decay) * h->mean / (ROOT * part);
     fprintf(w->list, "      outflow_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
-            fmax(h->inertia * fabs(h->decay) * h->mean / (ROOT * part), LEAST_CONSTANT));
+            fmax(outflow, LEAST_CONSTANT));
     fprintf(w->list, "      power_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
             ROOT / 2);
     if (shows_no_length(h)) {
         fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
+    }
+    if (h->spills) {
+        pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest);
+        pm_logger_constant(w, "brim", h->name, h->mean + h->deviation);
+        pm_logger_constant(w, "caught", h->name, 1);
     }
 }
 
@@ -685,10 +722,15 @@ void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
         }
         pm_logger_flow_constants(w, h);
         for (int j = 0; j < v->nvariable; ++j) {
-            char flow[PM_LOGGER_LONG_TEXT];
+            char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
             if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j]) {
-                fprintf(w->model, "%s[a.%s, b.z, \"%s/%.4g\"]", some ? ", " : first,
-                        v->column[j].name, pm_logger_flow(flow, sizeof flow, 'a', h), highest);
+                fprintf(w->model, "%s[a.%s, b.z, \"(%s", some ? ", " : first, v->column[j].name,
+                        pm_logger_flow(flow, sizeof flow, 'a', h));
+                if (h->spills) {
+                    fprintf(w->model, " + caught_%s/(1 + caught_%s)*%s", h->name, h->name,
+                            pm_logger_spill(spill, sizeof spill, h));
+                }
+                fprintf(w->model, ")/%.4g\"]", highest);
                 some = true;
             }
         }

@@ -146,6 +146,9 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, int t);
 // smooth where the vessel is empty.
 const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_column *h);
 
+// Returns the law by which fluid spills over the brim of a level of end a; "0": it has none.
+const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h);
+
 // Adds the constants of this law, which all models share that have them.
 void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h);
 

@@ -19,6 +19,8 @@
 #define CLEAR 8.0       // times its noise: a column changes clearly
 #define SHARE 8         // part of a trajectory beyond which nothing is sought
 #define JUMPS 0.2       // of the changes: a column jumps with an input that explains so much
+#define FEWEST_AT_TOP 5 // steps in which a sensor that saturates stays at its largest value
+#define SELDOM_EQUAL 0.05
 #define ROOM 293.15     // K
 #define COLDEST 200.0   // K, of surroundings
 #define HOTTEST 400.0
@@ -163,10 +165,12 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
             }
         }
     }
-    column->kind = guess == PM_LOGGER_FED     ? PM_LOGGER_LEVEL
+    const bool fed = guess == PM_LOGGER_FED || guess == PM_LOGGER_SPILLED;
+    column->kind = fed                        ? PM_LOGGER_LEVEL
                    : guess == PM_LOGGER_MOVED ? PM_LOGGER_FLOW
                                               : PM_LOGGER_TEMPERATURE;
     const int x = add_hidden(w, y, "behind", unit, column->kind);
+    view->column[x].spills = guess == PM_LOGGER_SPILLED;
     for (int j = 0; j < view->ncolumn; ++j) {
         used[j] = true;
     }
@@ -176,7 +180,7 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
     const double root = sqrt(fmax(c1 * c1 / 4 - c0, 0));
     const double rate = view->column[x].deviation / fmax(view->column[y].deviation, DBL_MIN);
     const double slow = fmax(c1 / 2 - root, SLOW * rate), fast = fmax(c1 / 2 + root, rate);
-    if (guess == PM_LOGGER_FED) { // y' = slow (x - y)
+    if (fed) { // y' = slow (x - y)
         mix(w, x, slow, slow);
     } else if (guess == PM_LOGGER_BESIDE) { // y' = fast (x - y)
         mix(w, x, fast, fast);
@@ -390,6 +394,7 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             [PM_LOGGER_COMPLETE] = true,
             [PM_LOGGER_RATE] = room && !thermal && !rate,
             [PM_LOGGER_FED] = room && !thermal && !rate && !column->angle,
+            [PM_LOGGER_SPILLED] = room && !thermal && !rate && !column->angle,
             [PM_LOGGER_MOVED] = room && !thermal && !has_unit(column, "m") && !column->angle,
             [PM_LOGGER_BESIDE] = room && thermal};
         if (column->seen != NULL) { // a cell
@@ -787,6 +792,25 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
 
 // --- the whole ---
 
+// Returns whether the sensor of a column shows no more than its largest value: it mostly stays there
+// once it gets there, and hardly ever stays at another value.
+static bool saturates(const pm_logger_samples *w, int c) {
+    const pm_dataset *d = w->view->dataset;
+    const double top = w->view->column[c].largest;
+    int steps[2] = {0}, equal[2] = {0}; // elsewhere, and from the largest value
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 1; k < d->ntime; ++k) {
+            const double before = pm_logger_row(w, i, k - 1)[c], now = pm_logger_row(w, i, k)[c];
+            if (isfinite(now - before)) {
+                ++steps[before == top];
+                equal[before == top] += now == before;
+            }
+        }
+    }
+    return equal[1] >= FEWEST_AT_TOP && 2 * equal[1] >= steps[1] &&
+           equal[0] <= SELDOM_EQUAL * steps[0];
+}
+
 // Copies the columns, inputs last.
 static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints) {
     pm_logger_view *view = w->view;
@@ -851,6 +875,9 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             }
             ++view->ncolumn;
             (void)pm_logger_measure(w, view->ncolumn - 1);
+            // A formula tells what a sensor shows in the units of the data.
+            column->saturates =
+                pass == 0 && own.factor == 1 && own.offset == 0 && saturates(w, view->ncolumn - 1);
         }
         view->nvariable = pass == 0 ? view->ncolumn : view->nvariable;
     }
@@ -882,6 +909,11 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
             view->column[c].part =
                 view->column[column->mate >= 0 ? column->mate : column->behind].part;
         }
+    }
+    for (int c = 0; c < view->nvariable; ++c) {
+        pm_logger_column *column = &view->column[c];
+        column->saturates = column->saturates && column->mate < 0 && column->source != NULL;
+        view->hides = view->hides || column->saturates;
     }
     pm_logger_regress_all(&w);
     for (int i = 0; i < view->npart; ++i) {

@@ -31,6 +31,7 @@ typedef enum pm_logger_guess {
     PM_LOGGER_COMPLETE, // nothing is hidden behind it
     PM_LOGGER_RATE,     // a position, whose rate is hidden
     PM_LOGGER_FED,      // a level, into which fluid falls from a hidden one
+    PM_LOGGER_SPILLED,  // likewise; the hidden one spills over, and part of that falls into it, too
     PM_LOGGER_MOVED,    // a co-energy, moved without loss by a hidden one of another kind
     PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
     // The voltage of a hidden charge behind a resistance, as of a cell, with 0 to 2 pairs of a
@@ -59,6 +60,7 @@ typedef struct pm_logger_column {
     bool held;                              // inputs: a staircase, or no smooth function
     double least, largest, mean, deviation; // in its unit
     double noise;                           // standard deviation of white noise; 0: none is seen
+    bool saturates;                         // its sensor shows no more than `largest`
     // Of co-energies: the derivative of their energy variable with which a fit begins, and whether
     // no input fixes its size. Then it is the unit of all energies that depend on it.
     double inertia;
@@ -73,6 +75,7 @@ typedef struct pm_logger_column {
     double roughness;                  // of a measured column: noise over deviation
     double decay;                      // 1/s: minus the coefficient of the variable in its own rate
     bool feeds;                        // a level from which fluid falls into another part
+    bool spills;                       // a level whose vessel has a brim
     double constant;                   // the rate that depends on nothing, in its unit per s
 } pm_logger_column;
 
