@@ -568,11 +568,6 @@ static size_t first_of(const pm_yaml_change *change) {
     return node_of(change->at)->start_mark.index;
 }
 
-static int compare_changes(const void *a, const void *b) {
-    const size_t x = first_of(a), y = first_of(b);
-    return (x > y) - (x < y);
-}
-
 // Writes the characters [*at, end) of a text in UTF-8, or with a NULL file skips them.
 static void copy_characters(const char **text, size_t *at, size_t end, FILE *file) {
     while (*at < end && **text != '\0') {
@@ -589,8 +584,15 @@ static void copy_characters(const char **text, size_t *at, size_t end, FILE *fil
 void pm_yaml_write_changed(const pm_yaml_document *document, int count, pm_yaml_change *change,
                            FILE *file) {
     const char *text = document->text;
-    size_t at = 0; // libyaml counts characters
-    qsort(change, (size_t)count, sizeof *change, compare_changes);
+    size_t at = 0;                    // libyaml counts characters
+    for (int i = 1; i < count; ++i) { // in the order of the text, what is equal as it was given
+        const pm_yaml_change own = change[i];
+        int k = i;
+        for (; k > 0 && first_of(&change[k - 1]) > first_of(&own); --k) {
+            change[k] = change[k - 1];
+        }
+        change[k] = own;
+    }
     for (int i = 0; i < count; ++i) {
         const pm_yaml_change *c = &change[i];
         const yaml_node_t *node = node_of(c->at);

@@ -44,7 +44,7 @@ found=$(includes daemon | grep -E ':(trainer|truth)/')
 found=$(includes trainer | grep -E ':(library|export|transport|lockstep|study|app)/')
 [ -z "$found" ] || fail "trainer/ includes library, export, transport, lockstep, study or app: $found"
 # A first proposal looks at data alone: it neither trains nor evaluates. The search tries training files by short fits.
-found=$(includes trainer/propose | grep -vE '^trainer/propose/search\.[ch]:' | grep -E ':(truth|loss|optimise|shooting|inference|evaluate|fit|sim|graph)/')
+found=$(includes trainer/propose | grep -vE '^trainer/propose/(search|advice)\.[ch]:' | grep -E ':(truth|loss|optimise|shooting|inference|evaluate|fit|sim|graph)/')
 [ -z "$found" ] || fail "trainer/propose includes more than data, models and scenes: $found"
 # Bodies are apart: the program alone joins them to the rest, and their folders have an order as well.
 found=$(includes daemon trainer | grep -vE '^trainer/bodies/' | grep ':bodies/' | grep -v '^trainer/main.c:bodies/bodies.h$')

@@ -95,14 +95,25 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
     return status;
 }
 
-// Tries what a fit that is not good may lack, for at most half of the CPU time of the training.
-static pm_status advise(const pm_fit *f, const volatile sig_atomic_t *stop) {
+// Tries what a fit to states with this result may lack, if it is not good, for at most half of the
+// CPU time of the training. Returns the result.
+static pm_status advise(const pm_fit *f, pm_status result, const volatile sig_atomic_t *stop) {
     double budget = PM_PROPOSAL_BUDGET;
-    char path[PATH_MAX];
-    PM_TRY(pm_command_budget(f->arguments->budget, &budget));
-    budget = fmin(budget, ADVICE_SHARE * pm_fit_processor_time(f));
+    char path[PATH_MAX], error[512];
+    const bool good = result == PM_OK && strncmp(f->verdict, "good", strlen("good")) == 0;
+    if (good || (result != PM_OK && result != PM_EUNFIT) || f->curves == NULL ||
+        f->kind != &pm_fit_of_states || f->arguments->team != NULL) {
+        return result;
+    }
+    snprintf(error, sizeof error, "%s", pm_error());
     snprintf(path, sizeof path, "%s/advice.yaml", f->arguments->output);
-    return budget > 0 ? pm_advise(f, budget, stop, path, stdout) : PM_OK;
+    pm_status status = pm_command_budget(f->arguments->budget, &budget);
+    budget = fmin(budget, ADVICE_SHARE * pm_fit_processor_time(f));
+    status = status == PM_OK && budget > 0 ? pm_advise(f, budget, stop, path, stdout) : status;
+    // The fit is complete, whether or not this was interrupted.
+    return status != PM_OK && status != PM_EINTERRUPTED ? status
+           : result == PM_OK                            ? PM_OK
+                                                        : pm_fail(result, "%s", error);
 }
 
 // Proposes a training file if there is none, trains, and reports.
@@ -127,16 +138,8 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
             if (status == PM_OK) {
                 status = pm_fit_report(&f, a->black_box ? &black_box : NULL);
             }
-            if (f.kind == &pm_fit_of_states && a->team == NULL &&
-                (status == PM_EUNFIT || (status == PM_OK && strncmp(f.verdict, "good", 4) != 0))) {
-                char error[512];
-                snprintf(error, sizeof error, "%s", pm_error());
-                const pm_status advised = advise(&f, stop);
-                status = advised != PM_OK      ? advised
-                         : status == PM_EUNFIT ? pm_fail(status, "%s", error)
-                                               : status;
-            }
         }
+        status = advise(&f, status, stop);
         pm_measure_free(&black_box);
         pm_fit_close(&f);
     }

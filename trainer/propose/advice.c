@@ -100,21 +100,20 @@ static bool is_entropy(const pm_part_view *v, int g) {
 
 // Returns whether a list of names or features of the model has one that names the group.
 static bool names_group(pm_yaml list, const char *before, const char *group) {
+    static const char word[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.";
     pm_arena arena = {0};
     int count = 0;
     const char **text = NULL;
     bool found = false;
-    char own[128];
-    snprintf(own, sizeof own, "%s%s", before, group);
-    const size_t length = strlen(own);
-    if (pm_yaml_exists(list) && pm_yaml_texts(list, &arena, &count, &text) == PM_OK) {
-        for (int i = 0; i < count; ++i) {
-            for (const char *at = text[i]; (at = strstr(at, own)) != NULL; at += length) {
-                const char *word =
-                    "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
-                found = found || ((at == text[i] || strchr(word, at[-1]) == NULL ||
-                                   strchr(word, at[-1])[0] == '\0') &&
-                                  (at[length] == '\0' || strchr(word, at[length]) == NULL));
+    const char *own = pm_arena_printf(&arena, "%s%s", before, group);
+    if (pm_yaml_exists(list) && own != NULL &&
+        pm_yaml_texts(list, &arena, &count, &text) == PM_OK) {
+        for (int i = 0; i < count; ++i) { // each whole word in a feature is the name of a group
+            for (const char *at = text[i]; *at != '\0' && !found;) {
+                at += strcspn(at, word);
+                const size_t length = strspn(at, word);
+                found = length == strlen(own) && strncmp(at, own, length) == 0;
+                at += length;
             }
         }
     }
@@ -487,140 +486,122 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
     return status;
 }
 
-// --- what is printed ---
+// --- the whole ---
 
-// Prints one thing that was lacking.
-static void print_lack(const advice *a, const question *q, lack lacks, FILE *out) {
-    static const char *const verb[] = {
-        [LACKS_IN_L] = "L of `%s` depends on %s",
-        [LACKS_FRICTION] = "friction of `%s` acts on %s",
-        [LACKS_IN_STRENGTH] = "the strength of friction of `%s` depends on %s",
-        [LACKS_IN_DIRECTIONS] = "the directions of friction of `%s` depend on %s"};
-    const char *of = pm_trained_name(a->fit->training->system, q->component);
-    if (q->group < 0) {
-        fprintf(out, "the energy of `%s` has a term of all its variables%s", of,
-                lacks == LACKS_ENERGY ? " but entropies" : "");
-        return;
-    }
-    const int id = subsystem_at(a, q->component, q->end);
-    const char *name = a->part[id].group[q->group].group->name;
-    char group[160];
-    snprintf(group, sizeof group, ends_of(a, q->component) == 1 ? "%s" : "%s of `%s`", name,
-             a->fit->training->scene->physics.subsystem[id].name);
-    if (!is_shown(a, q->component, q->end, name)) {
-        fprintf(out, "`expose` lacks %s at `%s`: ", group, of);
-    }
-    char line[400];
-    snprintf(line, sizeof line, verb[lacks], of, group);
-    fputs(line, out);
-}
-
-// Names the group whose error of one step falls most, of which the winner is to blame the least.
-static void print_group(const advice *a, const pm_search_outcome *o, FILE *out) {
+// Writes what was lacking, and the error of one step of the group that gains most.
+static void print_outcome(const advice *a, const pm_search_outcome *o, const char *path,
+                          FILE *out) {
+    static const char *const what[] = {
+        [LACKS_IN_L] = "L of `%s` depends on ",
+        [LACKS_FRICTION] = "friction of `%s` acts on ",
+        [LACKS_IN_STRENGTH] = "the strength of friction of `%s` depends on ",
+        [LACKS_IN_DIRECTIONS] = "the directions of friction of `%s` depend on ",
+        [LACKS_ENERGY] = "the energy of `%s` has a term of all its variables but entropies",
+        [LACKS_HEAT] = "the energy of `%s` has a term of all its variables"};
     const pm_physics *physics = &a->fit->training->scene->physics;
-    double most = 0;
-    int best = -1;
-    for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
-        const double fall = log(o->first.score.group[g] / o->best.score.group[g]);
-        best = fall > most ? g : best;
-        most = fmax(fall, most);
+    int count = 0, best = -1;
+    fprintf(out, "Tried by short fits: ");
+    for (int i = 0; i < a->space.count; ++i) {
+        const question *q = &a->about[i];
+        const lack lacks = q->lacks[o->chosen[i]];
+        if (lacks == LACKS_NOTHING) {
+            continue;
+        }
+        const char *of = pm_trained_name(a->fit->training->system, q->component);
+        const int id = subsystem_at(a, q->component, q->end);
+        const char *group = q->group < 0 ? "" : a->part[id].group[q->group].group->name;
+        const char *owner = ends_of(a, q->component) == 2 ? physics->subsystem[id].name : NULL;
+        fprintf(out, "%s", count++ > 0 ? "; " : "");
+        if (q->group >= 0 && !is_shown(a, q->component, q->end, group)) {
+            fprintf(out, "`expose` lacks %s of `%s` at `%s`: ", group, owner, of);
+        }
+        fprintf(out, what[lacks], of);
+        fprintf(out, owner == NULL ? "%s" : "%s of `%s`", group, owner);
+    }
+    fprintf(out, ": with %s ", count > 1 ? "them" : "it");
+    if (o->first.failed) {
+        fprintf(out, "the short fit succeeds, which fails without (%s)", o->first.reason);
+    }
+    for (int g = 0; g < PM_FIT_SCORED_GROUPS && !o->first.failed; ++g) {
+        const double *before = o->first.score.group, *after = o->best.score.group;
+        best =
+            before[g] > after[g] && (best < 0 || before[g] * after[best] > before[best] * after[g])
+                ? g
+                : best;
     }
     for (int i = 0, cell = 0; i < physics->nsubsystem; ++i) {
-        for (int g = 0; g < physics->subsystem[i].layout.ngroup; ++g, ++cell) {
+        const pm_layout *layout = &physics->subsystem[i].layout;
+        for (int g = 0; g < layout->ngroup; ++g, ++cell) {
             if (cell == best) {
                 fprintf(out, "the error of one step of %s of `%s` falls from %.3g to %.3g %%, and ",
-                        physics->subsystem[i].layout.group[g].name, physics->subsystem[i].name,
+                        layout->group[g].name, physics->subsystem[i].name,
                         PERCENT * o->first.score.group[best], PERCENT * o->best.score.group[best]);
             }
         }
     }
-}
-
-static void print_outcome(const advice *a, const pm_search_outcome *o, bool better,
-                          const char *path, FILE *out) {
-    int count = 0;
-    if (o->ntried <= 1) {
-        fprintf(out, "A short fit of the same models is good on the validation part, so that "
-                     "nothing that they may lack was tried.\n");
-        return;
-    }
-    if (!better) {
-        fprintf(out,
-                "None of %d hypotheses about what the models and ports may lack halves the error "
-                "of a short fit.\n",
-                o->ntried - 1);
-        return;
-    }
-    fprintf(out, "Tried by short fits: ");
-    for (int i = 0; i < a->space.count; ++i) {
-        if (o->chosen[i] > 0) {
-            fprintf(out, "%s", count++ > 0 ? "; " : "");
-            print_lack(a, &a->about[i], a->about[i].lacks[o->chosen[i]], out);
-        }
-    }
-    fprintf(out, ": with %s ", count > 1 ? "them" : "it");
-    if (o->first.failed) {
-        fprintf(out, "the short fit succeeds, which fails without (%s).", o->first.reason);
-    } else {
-        print_group(a, o, out);
-        fprintf(out, "that of rollouts falls from %.3g to %.3g %% of persistence.",
+    if (!o->first.failed) {
+        fprintf(out, "that of rollouts falls from %.3g to %.3g %% of persistence",
                 PERCENT * o->first.score.rollout, PERCENT * o->best.score.rollout);
     }
-    fprintf(out, " %s has the change.\n", path);
-}
-
-// --- the whole ---
-
-static pm_status search(advice *a, double budget, const volatile sig_atomic_t *stop,
-                        const char *path, FILE *out) {
-    const pm_training *t = a->fit->training;
-    PM_TRY(pm_yaml_open(&a->training_document, a->fit->arguments->config, &a->training));
-    PM_TRY(pm_yaml_open(&a->scene_document, t->scene->path, &a->scene));
-    a->part = pm_arena_array(&a->arena, (size_t)t->scene->physics.nsubsystem, sizeof *a->part);
-    PM_TRY(pm_arena_status(&a->arena, "advice"));
-    (void)pm_view_parts(&a->look, a->part);
-    ask_all(a);
-    if (a->space.count == 0) {
-        return PM_OK;
-    }
-    a->space.write = write_vector;
-    a->space.context = a;
-    const pm_search_how how = {.budget = budget, .stop = stop};
-    pm_search_outcome o;
-    PM_TRY(pm_search_run(&a->space, &how, path, &o));
-    const pm_fit_score *before = &o.first.score, *after = &o.best.score;
-    const bool better =
-        !o.best.failed && (o.first.failed || (after->rollout < MUCH_BETTER * before->rollout &&
-                                              !(after->step >= MUCH_BETTER * before->step)));
-    print_outcome(a, &o, better, path, out);
-    if (!better) {
-        char scene[PATH_MAX];
-        snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
-        (void)remove(path);
-        (void)remove(scene);
-    }
-    return PM_OK;
+    fprintf(out, ". %s has the change.\n", path);
 }
 
 pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_t *stop,
                     const char *path, FILE *out) {
     const pm_training *t = fit->training;
+    const pm_search_how how = {.budget = budget, .stop = stop};
     advice *a = calloc(1, sizeof *a);
-    char *data = realpath(fit->data, NULL);
+    char *data = realpath(fit->data, NULL), scene[PATH_MAX];
     // The data of the command line may be a table that was read into a file for the time being.
     char *named = t->data == NULL ? NULL : realpath(t->data, NULL);
-    pm_status status = a == NULL || data == NULL ? pm_fail(PM_ENOMEM, "out of memory for advice")
-                                                 : pm_look_make(&a->look, t->scene, fit->dataset);
-    if (status == PM_OK) {
-        a->fit = fit;
-        a->data = data;
-        a->named = named == NULL ? data : named;
-        a->process = getpid();
-        status = search(a, budget, stop, path, out);
+    pm_status status;
+    bool looked = false;
+    PM_TRY_DONE(a == NULL || data == NULL ? pm_fail(PM_ENOMEM, "out of memory for advice") : PM_OK);
+    PM_TRY_DONE(pm_look_make(&a->look, t->scene, fit->dataset));
+    looked = true;
+    a->fit = fit;
+    a->data = data;
+    a->named = named == NULL ? data : named;
+    a->process = getpid();
+    a->space.write = write_vector;
+    a->space.context = a;
+    a->part = pm_arena_array(&a->arena, (size_t)t->scene->physics.nsubsystem, sizeof *a->part);
+    PM_TRY_DONE(pm_arena_status(&a->arena, "advice"));
+    PM_TRY_DONE(pm_yaml_open(&a->training_document, fit->arguments->config, &a->training));
+    PM_TRY_DONE(pm_yaml_open(&a->scene_document, t->scene->path, &a->scene));
+    (void)pm_view_parts(&a->look, a->part);
+    ask_all(a);
+    if (a->space.count == 0) {
+        goto done;
+    }
+    pm_search_outcome o;
+    PM_TRY_DONE(pm_search_run(&a->space, &how, path, &o));
+    const pm_fit_score *before = &o.first.score, *after = &o.best.score;
+    if (!o.best.failed && (o.first.failed || (after->rollout < MUCH_BETTER * before->rollout &&
+                                              !(after->step >= MUCH_BETTER * before->step)))) {
+        print_outcome(a, &o, path, out);
+        goto done;
+    }
+    if (o.ntried <= 1) {
+        fprintf(out, "A short fit of the same models is good on the validation part, so that "
+                     "nothing that they may lack was tried.\n");
+    } else {
+        fprintf(out,
+                "None of %d hypotheses about what the models and ports may lack halves the error "
+                "of a short fit.\n",
+                o.ntried - 1);
+    }
+    snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
+    (void)remove(path);
+    (void)remove(scene);
+done:
+    if (a != NULL) {
         pm_yaml_close(a->training_document);
         pm_yaml_close(a->scene_document);
-        pm_look_free(&a->look);
         pm_arena_free(&a->arena);
+    }
+    if (looked) {
+        pm_look_free(&a->look);
     }
     free(named);
     free(data);
