@@ -179,7 +179,7 @@ static void strengths_follow_the_choice_of_initial_weights(void **state) {
     static const volatile sig_atomic_t stop = 0;
     pm_training *t = open_training();
     pm_samples samples;
-    double declared[200], theta[200];
+    double declared[200], theta[200], loss = INFINITY;
     double *next = declared;
     for (int i = 0; i < 3; ++i) {
         pm_params_gather(pm_system_params(t->system, i), next);
@@ -190,7 +190,8 @@ static void strengths_follow_the_choice_of_initial_weights(void **state) {
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
     pm_samples_free(&samples);
     make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
-    assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &stop), PM_OK);
+    assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &loss, &stop), PM_OK);
+    assert_true(loss < 1);
     // The strengths, which wait for the choice, have been fitted.
     const pm_param_entry *strength =
         pm_params_find(pm_system_params(t->system, 0), "irreversible.strength.output.weight");

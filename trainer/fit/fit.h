@@ -179,8 +179,9 @@ pm_status pm_fit_judge(pm_fit *fit, pm_fit_score *score);
 // Returns the CPU time that the fit has taken in this process, in s.
 double pm_fit_processor_time(const pm_fit *fit);
 // Chooses initial weights by short fits to rates (fit/start.h), by the seed of the training and
-// the number of the attempt.
-pm_status pm_fit_search_start(pm_fit *fit);
+// the number of the attempt. *loss becomes their loss there; it stays as it is if there is no
+// choice.
+pm_status pm_fit_search_start(pm_fit *fit, double *loss);
 // Checks that no two components share a weights file. PM_ECONFIG.
 pm_status pm_fit_check_names(const pm_scene *scene);
 // Writes the checkpoint, and the best weights so far as weights files. If `loud`, prints the names

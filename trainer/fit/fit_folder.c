@@ -38,7 +38,7 @@ static size_t copy_constants(const pm_fit *f, double *values, bool out) {
     return count;
 }
 
-pm_status pm_fit_search_start(pm_fit *f) {
+pm_status pm_fit_search_start(pm_fit *f, double *loss) {
     pm_samples samples;
     if (f->training->tries <= 1) {
         return PM_OK;
@@ -50,7 +50,7 @@ pm_status pm_fit_search_start(pm_fit *f) {
     }
     PM_TRY(status);
     const uint64_t seed = f->training->seed + SEED_STRIDE * (uint64_t)f->position.attempt;
-    status = pm_start_search(f->training, &samples, seed, f->declared, f->theta, f->stop);
+    status = pm_start_search(f->training, &samples, seed, f->declared, f->theta, loss, f->stop);
     pm_samples_free(&samples);
     return status;
 }

@@ -266,7 +266,8 @@ static bool searches_windows(const pm_fit *f) {
 }
 
 static pm_status start(pm_fit *f) {
-    return searches_windows(f) ? PM_OK : pm_fit_search_start(f);
+    double loss = NAN;
+    return searches_windows(f) ? PM_OK : pm_fit_search_start(f, &loss);
 }
 
 // A fit in progress, as the schedule sees it.

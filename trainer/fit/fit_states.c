@@ -13,6 +13,10 @@
 // more than this fraction of the error of persistence.
 #define UNLUCKY 0.02
 #define MOST_ATTEMPTS 3
+// Other weights are drawn before the training where the squared residual of rates is above
+// BAD_START times the square of their size, as long as that lowers it by FALLS.
+#define BAD_START 1e-4
+#define FALLS 0.5
 // The number of substeps is doubled at most so often.
 #define MOST_FINER 6
 #define MOST_ROLLOUTS 8     // in one validation
@@ -292,6 +296,30 @@ static pm_status run_stages(pm_fit *f) {
     return PM_OK;
 }
 
+// Chooses initial weights, and others where they are bad: a training that begins badly takes long
+// to end badly.
+static pm_status start(pm_fit *f) {
+    double *best = pm_arena_array(&f->arena, (size_t)f->size + 1, sizeof *best);
+    double least = INFINITY, loss = NAN;
+    const int first = f->position.attempt;
+    PM_TRY(pm_arena_status(&f->arena, "initial weights"));
+    pm_status status = pm_fit_search_start(f, &loss);
+    while (status == PM_OK && loss > BAD_START && loss < FALLS * least &&
+           f->arguments->effort == NULL && f->position.attempt + 1 < MOST_ATTEMPTS) {
+        least = loss;
+        memcpy(best, f->theta, (size_t)f->size * sizeof *best);
+        ++f->position.attempt;
+        printf("this start is bad: other initial weights are drawn\n");
+        status = pm_fit_search_start(f, &loss);
+    }
+    if (status != PM_OK) { // interrupted: the choice begins again
+        f->position.attempt = first;
+    } else if (least < INFINITY && !(loss < least)) {
+        memcpy(f->theta, best, (size_t)f->size * sizeof *best);
+    }
+    return status;
+}
+
 static pm_status run(pm_fit *f) {
     pm_status status = run_stages(f);
     // The best weights may be so bad on the validation part that other initial weights are worth
@@ -307,7 +335,7 @@ static pm_status run(pm_fit *f) {
         } else {
             printf("%s: other initial weights are tried\n", pm_error());
         }
-        status = pm_fit_search_start(f);
+        status = start(f);
         status = status == PM_OK ? run_stages(f) : status;
     }
     if (status == PM_ENUMERIC && f->position.best >= 0) {
@@ -587,5 +615,5 @@ static pm_status score_states(pm_fit *f, pm_fit_score *score) {
     return PM_OK;
 }
 
-const pm_fit_kind pm_fit_of_states = {load,   shorten, describe, pm_fit_search_start,
+const pm_fit_kind pm_fit_of_states = {load,   shorten, describe, start,
                                       resume, run,     report,   score_states};

@@ -100,7 +100,8 @@ static pm_status advance(void *context, int id, int left, int iterations, double
 
 // Draws all weights and chooses the best. The first draw of the training's own seed is the present
 // weights.
-static pm_status run_search(search *s, const double *declared, double *theta, pm_arena *arena) {
+static pm_status run_search(search *s, const double *declared, double *theta, double *loss,
+                            pm_arena *arena) {
     const pm_training *t = s->training;
     const size_t n = (size_t)s->size, tries = (size_t)t->tries;
     const pm_successive_halving halving = {t->tries, t->try_iterations, advance, s};
@@ -117,14 +118,13 @@ static pm_status run_search(search *s, const double *declared, double *theta, pm
     }
     const double started = pm_clock();
     int best = 0;
-    double loss = 0;
     pm_progress_init(&s->progress, "start", pm_successive_halving_iterations(&halving));
-    const pm_status status = pm_successive_halving_run(&halving, &best, &loss);
+    const pm_status status = pm_successive_halving_run(&halving, &best, loss);
     pm_progress_finish(&s->progress);
     PM_TRY(status);
     memcpy(theta, s->theta + (size_t)best * n, n * sizeof *theta);
     printf("start            %8d iterations %8.1f s   loss %.3e   best of %d, number %d\n",
-           s->iterations, pm_clock() - started, loss, t->tries, best + 1);
+           s->iterations, pm_clock() - started, *loss, t->tries, best + 1);
     fflush(stdout);
     return PM_OK;
 }
@@ -142,7 +142,7 @@ static bool is_late(const pm_system *system) {
 }
 
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
-                          const double *declared, double *theta,
+                          const double *declared, double *theta, double *loss,
                           const volatile sig_atomic_t *stop) {
     search s = {.training = training, .seed = seed, .early = PM_LATE, .stop = stop};
     const pm_loss *first = &training->stage[0].loss;
@@ -158,7 +158,7 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
     pm_arena arena = {0};
     PM_TRY(pm_objective_open(&s.objective, training->system, samples, &loss_of_rates));
     s.size = pm_objective_size(s.objective);
-    pm_status status = run_search(&s, declared, theta, &arena);
+    pm_status status = run_search(&s, declared, theta, loss, &arena);
     pm_objective_set_weights(s.objective, theta);
     if (status == PM_OK) {
         status = pm_dissipative_modes_separate(training->system);
@@ -178,15 +178,14 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
         s.theta = theta;
         memset(s.moment, 0, 2 * (size_t)s.size * sizeof *s.moment);
         s.done[0] = 0;
-        double loss = INFINITY;
         const int iterations = STRENGTH_ITERATIONS * training->try_iterations;
         status = pm_objective_open(&s.objective, training->system, samples, &loss_of_rates);
         pm_progress_init(&s.progress, "strengths", iterations);
         s.iterations = 0;
-        status = status == PM_OK ? advance(&s, 0, 1, iterations, &loss) : status;
+        status = status == PM_OK ? advance(&s, 0, 1, iterations, loss) : status;
         pm_progress_finish(&s.progress);
         pm_objective_close(s.objective);
-        printf("strengths        %8d iterations   loss %.3e\n", s.done[0], loss);
+        printf("strengths        %8d iterations   loss %.3e\n", s.done[0], *loss);
     }
     pm_arena_free(&arena);
     return status;

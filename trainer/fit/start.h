@@ -19,9 +19,10 @@ void pm_start_draw(pm_training *training, int id, double *theta);
 // it is training->seed, `theta` must be the result of pm_start_draw and is the first of them. The
 // loss on `samples`, which must be those of the derivative residual, decides which draw is best.
 // `declared` [size] are the declared weights. The constants of the models must have been fixed
-// (fit/normalization.h). If training->tries is 1, theta is not changed. PM_EINTERRUPTED if *stop
-// becomes nonzero; PM_ENOMEM.
+// (fit/normalization.h). *loss becomes its loss, the mean square of the residuals. If
+// training->tries is 1, neither is changed. PM_EINTERRUPTED if *stop becomes nonzero; PM_ENOMEM.
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
-                          const double *declared, double *theta, const volatile sig_atomic_t *stop);
+                          const double *declared, double *theta, double *loss,
+                          const volatile sig_atomic_t *stop);
 
 #endif
