@@ -399,6 +399,11 @@ static void keep_run(pm_control *control) {
     control->kept = c->completed;
 }
 
+static bool needs_hold(const portmet_control_t *r) {
+    return r->kind == PORTMET_CONTROL_T_ADVANCE || r->kind == PORTMET_CONTROL_T_CHECKPOINT ||
+           (r->kind == PORTMET_CONTROL_T_SET && r->nz > 0);
+}
+
 // Does what a request asks for. The client then waits, or the request is done.
 static pm_status execute(pm_control *control, client *from, const portmet_control_t *r) {
     pm_lockstep_coordinator *c = control->coordinator;
@@ -418,10 +423,7 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         return r->kind == PORTMET_CONTROL_T_STOP ? PM_OK
                                                  : pm_fail(PM_EUSAGE, "no run is under way");
     }
-    const bool needs_hold = r->kind == PORTMET_CONTROL_T_ADVANCE ||
-                            r->kind == PORTMET_CONTROL_T_CHECKPOINT ||
-                            (r->kind == PORTMET_CONTROL_T_SET && r->nz > 0);
-    if (needs_hold && (c->phase != PM_COORDINATOR_HELD || c->hold_at > c->granted)) {
+    if (needs_hold(r) && (c->phase != PM_COORDINATOR_HELD || c->hold_at > c->granted)) {
         return pm_fail(PM_EUSAGE, "the run goes on, after step %lld: pause it first",
                        (long long)c->completed);
     }
@@ -558,8 +560,10 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
         reply(control, from, r->nonce, PORTMET_CONTROL_REPLY_T_AGAIN, 0, "", 0);
         return r->ticket != from->ticket ? PM_DROP_SESSION : PM_DROP_REPEATED;
     }
-    // While the processes come together nothing can begin, and no run go on. The client asks again.
-    if ((!control->active || c->waits) && c->phase != PM_COORDINATOR_HELD) {
+    // While the processes come together nothing can begin, no run of a service that died goes on,
+    // and none is held yet. The client asks again.
+    const bool apart = c->completed < c->first && needs_hold(r);
+    if ((!control->active || c->waits || apart) && c->phase != PM_COORDINATOR_HELD) {
         return PM_DROP_RANGE;
     }
     control->waiting -= from->waits;

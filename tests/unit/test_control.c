@@ -586,6 +586,13 @@ static void test_two_clients(void **context) {
     assert_int_equal(ASK(&b, ADVANCE), DONE);
     assert_int_equal(b.reply.step, 5);
     assert_int_equal(ASK(&b, STOP), DONE);
+    // Steps are asked for before the processes of a run that begins held have come together.
+    a.request.kind = PORTMET_CONTROL_T_START;
+    a.request.nonce += 1;
+    publish(&a);
+    assert_int_equal(ASK(&b, ADVANCE), DONE);
+    assert_int_equal(b.reply.step, 2);
+    assert_int_equal(ASK(&b, STOP), DONE);
     pm_transport_close(a.transport);
     pm_transport_close(b.transport);
     stage_close(&t);
