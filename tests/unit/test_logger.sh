@@ -260,4 +260,43 @@ grep -qE "middle_ps_p_2: .learned: -?0\." "$folder/vessel/training.yaml" || fail
 
 # Mistakes are told.
 expect 2 'the tables have no column "x"' propose --data "$folder/motor/data.h5" --inputs u,x -o "$folder/x"
+# A heated body under a fan, whose speed tells how well heat leaves; two vessels with a throttle between them, whose
+# opening is an input; and a body outdoors, whose weather is told to be an input.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); T = 310 + 10*rand(); print "t [s],T [K],P [W],w [1]"
+        for (k = 0; k < 120; k++) {
+            if (k % 10 == 0) { P = 40*rand(); w = rand() }
+            printf "%d,%.10g,%.6g,%.6g\n", 5*k, T, P, w
+            for (j = 0; j < 50; j++) { h = 0.1; m = T + h/2*(P - (0.2 + 1.5*w)*(T - 295))/60; T += h*(P - (0.2 + 1.5*w)*(m - 295))/60 }
+        }
+    }' >"$folder/fan_$i.csv"
+    awk -v seed=$i 'BEGIN {
+        srand(seed); a = 2 + rand(); b = 1 + rand(); print "t [s],pa [bar],pb [bar],Q [L/min],y [1]"
+        for (k = 0; k < 120; k++) {
+            if (k % 10 == 0) { Q = 6*rand(); y = 0.1 + 0.9*rand() }
+            printf "%g,%.10g,%.10g,%.6g,%.6g\n", 0.1*k, a, b, Q, y
+            for (j = 0; j < 50; j++) { h = 0.002; f = y*(a - b)*2; a += h*(Q - f)/2; b += h*(f - 1.5*b)/3 }
+        }
+    }' >"$folder/throttle_$i.csv"
+    awk -v seed=$i 'BEGIN {
+        srand(seed); T = 290 + 5*rand(); f = 6*rand(); g = 6*rand(); print "t [s],T [K],P [W],Tout [K]"
+        for (k = 0; k < 120; k++) {
+            if (k % 10 == 0) P = 40*rand()
+            o = 285 + 4*sin(0.03*k + f) + 3*sin(0.25*k + g) + sin(0.6*k + f)
+            printf "%d,%.10g,%.6g,%.8g\n", 5*k, T, P, o
+            for (j = 0; j < 50; j++) T += 0.1*(P - 1.5*(T - o))/60
+        }
+    }' >"$folder/weather_$i.csv"
+done
+succeed "w [1]: an input; cools T; held between samples" propose --budget 0 --data "$folder"/fan_?.csv --inputs P,w -o "$folder/fan"
+grep -A2 "w_source:" "$folder/fan/scene.yaml" | grep -q "s: .* dE: \[29[45]\." || fail "propose: expected a coolant of 295 K"
+succeed "Verdict: good" fit "$folder/fan/training.yaml" -o "$folder/fan/weights"
+succeed "y [1]: an input; is a throttle between pa and pb; held between samples" propose --budget 0 --data "$folder"/throttle_?.csv --inputs Q,y -o "$folder/throttle"
+sed -i 's/iterations: [0-9]*/iterations: 15/' "$folder/throttle/training.yaml"
+succeed "Verdict: good" fit "$folder/throttle/training.yaml" -o "$folder/throttle/weights"
+succeed "columns that no other one explains may be inputs: with --inputs Tout,P they are" propose --budget 0 --data "$folder"/weather_?.csv -o "$folder/weather"
+succeed "Tout [K]: an input; is a bath of T" propose --budget 0 --data "$folder"/weather_?.csv --inputs P,Tout -o "$folder/weather"
+! grep -q "may be inputs" "$folder/out" || fail "propose: all inputs are named"
+
 finish

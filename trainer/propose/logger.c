@@ -24,6 +24,12 @@
 #define NOISE_ALONE 2.0
 #define ENOUGH 5e-3
 #define MOST_TRIALS 64
+// Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
+// more of it, and it explains so much of another column.
+#define UNEXPLAINED 0.5
+#define DRIVEN 0.05
+#define ACTS 2e-3
+#define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
 #define PERCENT 100
 
 // Prints what was found, one line for each column.
@@ -34,10 +40,9 @@ static void describe(const pm_logger_view *v) {
                                         "a level",
                                         "a hidden charge behind a resistance",
                                         "an input"};
-    static const char *const effects[] = {"drives",       "moves, with a learned factor,",
-                                          "heats",        "heats, with a learned factor,",
-                                          "is a bath of", "acts through a resistance on",
-                                          "flows into"};
+    static const char *const effects[] = {
+        "drives",       "moves, with a learned factor,", "heats", "heats, with a learned factor,",
+        "is a bath of", "acts through a resistance on",  "cools", "flows into"};
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
@@ -58,10 +63,43 @@ static void describe(const pm_logger_view *v) {
         if (column->saturates) {
             printf("; its sensor saturates at %.6g", column->largest);
         }
+        for (int k = 0; k < v->nconverter; ++k) {
+            const pm_logger_converter *between = &v->converter[k];
+            if (between->input == c) {
+                printf("; %s %s and %s", between->loses ? "is a throttle between" : "turns",
+                       v->column[between->one].name, v->column[between->other].name);
+            }
+        }
         if (column->free_scale) {
             printf("; nothing shows its scale, which is 1");
         }
         printf("%s\n", column->held ? "; held between samples" : "");
+    }
+}
+
+// Names columns that may be inputs: they move others, no input moves them, and a regression on all
+// columns hardly tells how they change.
+static void name_inputs(const pm_logger_view *v) {
+    char list[PATH_MAX] = "";
+    int count = 0;
+    for (int c = 0; c < v->ncolumn; ++c) {
+        const pm_logger_column *column = &v->column[c];
+        double driven = 0, moves = 0;
+        for (int j = 0; j < v->ncolumn && column->kind != PM_LOGGER_INPUT; ++j) {
+            driven = j >= v->nvariable ? fmax(driven, v->share[c][j]) : driven;
+            moves = j == c ? moves : fmax(moves, v->share[j][c]);
+        }
+        const bool may = column->source != NULL && column->mate < 0 &&
+                         column->unexplained > UNEXPLAINED && driven < DRIVEN && moves > ACTS;
+        if (may || column->kind == PM_LOGGER_INPUT) {
+            snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s",
+                     *list == '\0' ? "" : ",", column->source);
+            count += may;
+        }
+    }
+    if (count > 0) {
+        printf("columns that no other one explains may be inputs: with --inputs %s they are\n",
+               list);
     }
 }
 
@@ -265,7 +303,7 @@ static pm_status choose_laws(const pm_logger_draft *draft, const pm_logger_hints
     const pm_logger_view *v = &draft->view;
     const bool measured = v->noisy || !v->even || !v->complete || v->hides;
     const pm_search_how how = {
-        .budget = measured ? 0 : hints->budget, .loud = true, .stop = hints->stop};
+        .budget = measured ? 0 : hints->budget, .loud = true, .stop = hints->stop, .enough = CLOSE};
     law_choices *laws = calloc(1, sizeof *laws);
     if (laws == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a search");
@@ -323,6 +361,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
         looked = true;
     }
     describe(&draft.view);
+    name_inputs(&draft.view);
     draft.data_path = data_path;
     PM_TRY_DONE(pm_logger_write_scene(&draft, scene));
     scene_path = realpath(scene, NULL);

@@ -72,11 +72,31 @@ static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_e
     return has;
 }
 
+// Returns true if heat leaves through an input: it acts through a resistance, opens one between two
+// co-energies, or cools. *bath, unless it is NULL, receives the temperature at which it leaves.
+static bool takes_heat(const pm_logger_view *v, int input, int part, double *bath) {
+    bool takes = has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_COOLS);
+    double T = v->bath;
+    for (int k = 0; k < v->nconverter; ++k) {
+        const pm_logger_converter *c = &v->converter[k];
+        takes = takes ||
+                (c->input == input && c->loses && (part < 0 || v->column[c->one].part == part));
+    }
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        T = action->input == input && action->effect == PM_LOGGER_COOLS ? action->bath : T;
+    }
+    if (bath != NULL) {
+        *bath = T;
+    }
+    return takes;
+}
+
 // Lists the groups of the boundary input of an input: x carries energy, s entropy.
 static const char *groups_of(const pm_logger_view *v, int input, int part) {
     return has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? "s"
            : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ||
-                   has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_THROUGH)
+                   takes_heat(v, input, part, NULL)
                ? "x, s"
                : "x";
 }
@@ -92,9 +112,9 @@ typedef struct choice {
 
 static const choice choices[PM_LOGGER_NCHOICE] = {
     {"friction",
-     4,
-     {"linear, quadratic and dry, with bends", "linear, quadratic and dry", "linear and quadratic",
-      "linear"}},
+     5,
+     {"linear, quadratic and dry, with bends", "linear, quadratic and dry, with many bends",
+      "linear, quadratic and dry", "linear and quadratic", "linear"}},
     {"energy of positions", 2, {"a sum over positions", "a network of all positions"}},
     {"inertia", 2, {"a network of positions", "constant"}},
     {"capacities", 2, {"of what they hold", "constant"}},
@@ -308,11 +328,12 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             fprintf(f, "  %s_source: {s: {unit: J/K, dE: [\"%s\"], dS: [1], hold: %s}}\n",
                     input->name, input->source, hold);
         } else if (acts) {
-            const bool through = has_effect(v, u, -1, PM_LOGGER_THROUGH, PM_LOGGER_THROUGH);
+            double bath;
+            const bool through = takes_heat(v, u, -1, &bath);
             fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"]%s, hold: %s}\n",
                     input->name, unit, input->source, through ? ", dS: [0]" : "", hold);
             if (strlen(groups) > 1) {
-                fprintf(f, "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n", through ? v->bath : 0.0);
+                fprintf(f, "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n", through ? bath : 0.0);
             }
         }
     }
@@ -410,7 +431,8 @@ static void write_part(pm_logger_writer *w, int part) {
                       w->model);
                 some = true;
                 pm_logger_write_conduction(w, both, a, b, da, db,
-                                           w->v->column[i].inertia * fabs(w->v->coupling[i][j]));
+                                           w->v->column[i].inertia * fabs(w->v->coupling[i][j]),
+                                           NULL);
             }
         }
     }
@@ -446,7 +468,8 @@ static void write_losses(pm_logger_writer *w, int part) {
             char dx[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT];
             snprintf(x, sizeof x, "a.%.40s", y->name);
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
-            pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i]);
+            pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i],
+                                       NULL);
         } else if (pm_logger_loses(v, i)) {
             pm_logger_write_friction(w, i, -1);
         } else if (drains) {
@@ -532,7 +555,7 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                             pm_logger_highest(v));
                 } else if (thermal == 1) {
                     pm_logger_write_conduction(w, both, x, y, dx, dy,
-                                               a->inertia * fabs(v->coupling[i][j]));
+                                               a->inertia * fabs(v->coupling[i][j]), NULL);
                 } else {
                     fprintf(
                         w->model, "[%s, %s, \"%s\"]", x, y,
@@ -567,8 +590,9 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             const pm_logger_action *action = &v->action[a];
             const pm_logger_column *y = &v->column[action->target];
             char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], dx[PM_LOGGER_TEXT];
-            const bool loses_some =
-                action->effect == PM_LOGGER_BATH || action->effect == PM_LOGGER_THROUGH;
+            const bool loses_some = action->effect == PM_LOGGER_BATH ||
+                                    action->effect == PM_LOGGER_THROUGH ||
+                                    action->effect == PM_LOGGER_COOLS;
             if (action->input != input || y->part != part || loses_some != lossy) {
                 continue;
             }
@@ -601,7 +625,10 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                         power, dx);
                 break;
             case PM_LOGGER_BATH:
-                pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain);
+            case PM_LOGGER_COOLS:
+                pm_logger_write_conduction(w, both, x, "b.s", dx, "b.dE.s", action->gain,
+                                           action->effect == PM_LOGGER_COOLS ? &v->column[input]
+                                                                             : NULL);
                 break;
             case PM_LOGGER_THROUGH: {
                 char drop[PM_LOGGER_TEXT];
@@ -613,12 +640,26 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             }
             }
         }
-        for (int k = 0; k < v->nconverter && !lossy; ++k) {
+        for (int k = 0; k < v->nconverter; ++k) {
             const pm_logger_converter *turn = &v->converter[k];
             const pm_logger_column *one = &v->column[turn->one], *other = &v->column[turn->other];
-            if (turn->input == input && one->part == part) {
-                char both[PM_LOGGER_TEXT];
+            if (turn->input == input && one->part == part && turn->loses == (lossy == 1)) {
+                char both[PM_LOGGER_TEXT], drop[PM_LOGGER_TEXT];
                 snprintf(both, sizeof both, "%.40s_%.40s_%.40s", u, one->name, other->name);
+                if (lossy) {
+                    const pm_logger_column *opening = &v->column[input];
+                    const double mean = fmax(fabs(opening->mean), opening->deviation);
+                    snprintf(drop, sizeof drop, "a.%.40s - a.%.40s", one->name, other->name);
+                    fprintf(w->model, "%s[a.%s, a.%s, \"", some ? ", " : first, one->name,
+                            other->name);
+                    pm_logger_write_resistance(
+                        w, both, drop, one, other,
+                        one->inertia * fabs(v->coupling[turn->one][turn->other]) / mean);
+                    pm_logger_write_opening(w, both, opening);
+                    fputs("\"]", w->model);
+                    some = true;
+                    continue;
+                }
                 fprintf(w->model, "%s[a.%s, a.%s, \"%s*b.dE.x\"]", some ? ", " : first, one->name,
                         other->name,
                         pm_logger_number(w, "turns", both, 0,

@@ -5,7 +5,7 @@
 
 #include "propose/logger_view.h"
 
-#define PM_LOGGER_ALTERNATIVES 4
+#define PM_LOGGER_ALTERNATIVES 5
 
 // What is chosen.
 typedef enum pm_logger_choice {

@@ -21,8 +21,9 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define TURN 6.283 // rad
-#define BENDS 3    // bends of a function of one variable, each of which has a place and a width
+#define TURN 6.283   // rad
+#define BENDS 3      // bends of a function of one variable, each of which has a place and a width
+#define MOST_BENDS 8 // likewise, of a function that may be wavy
 
 // Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
@@ -483,7 +484,8 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
 // conductance is the sum of a constant, of that of radiation, and of that of natural convection,
 // a power of the difference of the temperatures.
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
-                                const char *dx, const char *dy, double start) {
+                                const char *dx, const char *dy, double start,
+                                const pm_logger_column *opening) {
     const double T0 = ROOM_TEMPERATURE;
     pm_logger_constant(w, "conductance", name, start);
     fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
@@ -498,7 +500,11 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
         fprintf(w->model, " + convection_%s*exp(power_%s*ln((%s - %s)^2 + %.4g))", name, name, dx,
                 dy, STILL * STILL);
     }
-    fprintf(w->model, ")*%s/%s\"]", dy, dx);
+    fputs(")", w->model);
+    if (opening != NULL) {
+        pm_logger_write_opening(w, name, opening);
+    }
+    fprintf(w->model, "*%s/%s\"]", dy, dx);
 }
 
 // Writes a positive factor that depends on the variable x, which y describes: an exponential of
@@ -506,15 +512,18 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
 // describes, the bends depend on the sign of that variable, too.
 static void write_factor(pm_logger_writer *w, const char *name, const char *x,
                          const pm_logger_column *y, const char *sign, const pm_logger_column *of) {
+    const bool wavy = w->chosen[PM_LOGGER_FRICTION] == WAVY_FRICTION;
+    const int bends = wavy ? MOST_BENDS : BENDS;
+    const double apart = wavy ? (y->largest - y->least) / MOST_BENDS : y->deviation;
+    const double first = wavy ? y->least + MIDDLE * apart : y->mean - BENDS / 2 * y->deviation;
     fputs("*exp(0", w->model);
-    for (int k = 0; k < BENDS; ++k) {
+    for (int k = 0; k < bends; ++k) {
         char numbered[PM_LOGGER_TEXT];
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
         const char *bend = pm_logger_number(w, "bend", n, 0, 1);
-        const char *middle = pm_logger_number(
-            w, "middle", n, y->mean + (k - BENDS / 2) * y->deviation, y->deviation);
-        pm_logger_constant(w, "range", n, y->deviation);
+        const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
+        pm_logger_constant(w, "range", n, apart);
         if (sign == NULL) {
             fprintf(w->model, " + %s", bend);
         } else {
@@ -525,6 +534,13 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         fprintf(w->model, "*(%s - %s)/sqrt((%s - %s)^2 + range_%s^2)", x, middle, x, middle, n);
     }
     fputs(")", w->model);
+}
+
+void pm_logger_write_opening(pm_logger_writer *w, const char *name, const pm_logger_column *input) {
+    char opening[PM_LOGGER_TEXT];
+    snprintf(opening, sizeof opening, "opening_%.80s", name);
+    fputs("*|b.dE.x|", w->model);
+    write_factor(w, opening, "b.dE.x", input, NULL, NULL);
 }
 
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action) {
@@ -608,8 +624,12 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
                 name);
     }
     fputs(")", w->model);
-    if (law == BENT_FRICTION && y->mate < 0) {
-        drop.mean -= other == NULL ? 0 : other->mean;
+    if (law <= WAVY_FRICTION && y->mate < 0) {
+        if (other != NULL) {
+            drop.mean -= other->mean;
+            drop.least -= other->largest;
+            drop.largest -= other->least;
+        }
         write_factor(w, name, x, &drop, NULL, NULL);
     }
 }

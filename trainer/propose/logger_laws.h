@@ -13,7 +13,7 @@
 #define PM_LOGGER_LONG_TEXT 512 // room for a law
 
 // The alternatives of the choices, in the order in which they are believed.
-enum { BENT_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
+enum { BENT_FRICTION, WAVY_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
 enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS };
 enum { LEARNED_INERTIA, CONSTANT_INERTIA };
 enum { LEARNED_CAPACITY, CONSTANT_CAPACITY };
@@ -111,9 +111,14 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part);
 // Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
 // are the names of the groups with their prefixes, dx and dy those of their co-energies. The
 // conductance is the sum of a constant, of that of radiation, and of that of natural convection,
-// a power of the difference of the temperatures.
+// a power of the difference of the temperatures. The input `opening` multiplies it, unless it is
+// NULL.
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
-                                const char *dx, const char *dy, double start);
+                                const char *dx, const char *dy, double start,
+                                const pm_logger_column *opening);
+
+// Writes a positive factor that grows with an input, to which it is proportional at first.
+void pm_logger_write_opening(pm_logger_writer *w, const char *name, const pm_logger_column *input);
 
 // Writes the coefficient by which an input moves a co-energy, with a lever and a valve where the
 // data show them: "name" is that of the coefficient.

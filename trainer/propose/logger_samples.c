@@ -199,6 +199,7 @@ void pm_logger_regress_all(pm_logger_samples *w) {
         }
         const double rest = pm_logger_regress(w, i, used, coefficient);
         view->column[i].constant = coefficient[0];
+        view->column[i].unexplained = rest;
         for (int j = 0; j < view->ncolumn; ++j) {
             const pm_logger_column *other = &view->column[j];
             view->coupling[i][j] =

@@ -14,7 +14,7 @@
 #define PUSHES 0.1 // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
-typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, SINE, COSINE } atom_kind;
+typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, AWAY, SINE, COSINE } atom_kind;
 
 typedef struct atom {
     int column;
@@ -48,6 +48,8 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
         return cos(a.harmonic * raw);
     case SQUARE:
         return y * y;
+    case AWAY: // from the mean
+        return (raw - c->mean) / (c->deviation > 0 ? c->deviation : 1);
     case VALUE:
         break;
     }
@@ -109,10 +111,11 @@ static double rest_of(const equations *learn, const equations *judge, int n, dou
 }
 
 // Returns how much of the changes of variable `target` the terms explain beside all columns and the
-// first `known` terms of the list, on the trajectories that are kept back. Writes the coefficient
-// of the last term, unless it is NULL.
+// first `known` terms of the list, on the trajectories that are kept back. Writes all coefficients
+// to `solution` [MOST], unless it is NULL: those of the duration, of the columns relative to their
+// mean and deviation, and of the terms.
 static double gain_of(const pm_logger_samples *w, int target, const term_list *list, int known,
-                      equations *learn, double *coefficient) {
+                      equations *learn, double *solution) {
     const pm_logger_view *v = w->view;
     const pm_dataset *d = v->dataset;
     const int length = pm_logger_window(w, target), base = 1 + v->ncolumn;
@@ -157,8 +160,8 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
     const double without = rest_of(learn, judge, base + known, x);
     const double with = rest_of(learn, judge, learn->n, x);
     learn->rest = without;
-    if (coefficient != NULL) {
-        *coefficient = x[learn->n - 1];
+    if (solution != NULL) {
+        memcpy(solution, x, sizeof x);
     }
     return without - with;
 }
@@ -227,8 +230,10 @@ static void find_harmonics(const pm_logger_samples *w, int i, equations *work) {
     }
 }
 
-// Returns true if the product of input u and variable j moves variable i, beside valves.
-static bool converts(const pm_logger_samples *w, int u, int i, int j, equations *work) {
+// Returns true if the product of input u and variable j moves variable i, beside valves, and
+// whether it raises it.
+static bool converts(const pm_logger_samples *w, int u, int i, int j, equations *work,
+                     bool *raises) {
     const pm_logger_view *v = w->view;
     term_list product = {0};
     for (int a = 0; a < v->naction; ++a) {
@@ -237,8 +242,64 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
         }
     }
     const int first = product.count;
+    double x[MOST];
     add_term(&product, u, VALUE, j, VALUE);
-    return gain_of(w, i, &product, first, work, NULL) > GAINS;
+    const double gain = gain_of(w, i, &product, first, work, x);
+    *raises = x[work->n - 1] > 0;
+    return gain > GAINS;
+}
+
+// An input that warms a temperature may rather set how well heat is conducted away: then the
+// temperature falls the faster, the warmer it is.
+static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, equations *work) {
+    const pm_logger_column *u = &w->view->column[action->input];
+    const pm_logger_column *T = &w->view->column[action->target];
+    term_list product = {0};
+    double x[MOST];
+    add_term(&product, action->input, VALUE, action->target, AWAY);
+    if (!(gain_of(w, action->target, &product, 0, work, x) > GAINS)) {
+        return;
+    }
+    const double slope = -x[work->n - 1] / (T->deviation * fmax(fabs(u->least), fabs(u->largest)));
+    const double bath = T->mean + x[1 + action->input] / (u->deviation * slope);
+    if (slope > 0 && bath > PM_LOGGER_COLDEST && bath < PM_LOGGER_HOTTEST) {
+        action->effect = PM_LOGGER_COOLS;
+        action->gain = T->inertia * slope;
+        action->bath = bath;
+    }
+}
+
+// Couplings of temperatures are those without inputs: what grows with the square of an input, or
+// with its product with the temperature, would else be taken for other surroundings.
+static void correct_leaks(const pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    bool any = false;
+    for (int i = 0; i < v->nvariable; ++i) {
+        term_list list = {0};
+        double x[MOST];
+        for (int a = 0; a < v->naction && v->column[i].kind == PM_LOGGER_TEMPERATURE; ++a) {
+            const pm_logger_action *action = &v->action[a];
+            if (action->target == i && action->effect == PM_LOGGER_WARMS) {
+                add_term(&list, action->input, SQUARE, i, ONE);
+            } else if (action->target == i && action->effect == PM_LOGGER_COOLS) {
+                add_term(&list, action->input, VALUE, i, AWAY);
+            }
+        }
+        if (!(gain_of(w, i, &list, 0, work, x) > GAINS)) {
+            continue;
+        }
+        any = true;
+        v->column[i].constant = x[0];
+        for (int j = 0; j < v->ncolumn; ++j) {
+            const double deviation = v->column[j].deviation > 0 ? v->column[j].deviation : 1;
+            v->coupling[i][j] = x[1 + j] / deviation;
+            v->column[i].constant -= v->coupling[i][j] * v->column[j].mean;
+        }
+        v->column[i].decay = -v->coupling[i][i];
+    }
+    if (any) {
+        pm_logger_find_surroundings(v);
+    }
 }
 
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
@@ -258,6 +319,9 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];
         term_list lever = {0}, valve = {0};
+        if (action->effect == PM_LOGGER_WARMS) {
+            find_cooling(w, action, work);
+        }
         if (action->effect != PM_LOGGER_GAIN) {
             continue;
         }
@@ -266,6 +330,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         add_valve(&valve, action);
         action->valve = y->mate < 0 && gain_of(w, action->target, &valve, 0, work, NULL) > GAINS;
     }
+    correct_leaks(w, work);
     // One valve may move two chambers.
     for (int a = 0; a < v->naction; ++a) {
         for (int b = 0; b < v->naction; ++b) {
@@ -338,19 +403,23 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
             v->crank[i][j] = gain_of(w, i, &crank, 0, work, NULL) > GAINS;
             for (int u = v->nvariable; u < v->ncolumn; ++u) {
-                // Without loss each of the two moves the other.
-                if (i < j && v->nconverter < PM_LOGGER_ACTIONS && converts(w, u, i, j, work) &&
-                    converts(w, u, j, i, work)) {
-                    v->converter[v->nconverter++] = (pm_logger_converter){u, i, j};
+                // Each of the two moves the other.
+                bool one, both;
+                if (i < j && v->nconverter < PM_LOGGER_ACTIONS &&
+                    converts(w, u, i, j, work, &one) && converts(w, u, j, i, work, &both)) {
+                    const bool loses = one && both && v->column[u].least >= 0 &&
+                                       pm_unit_equal(&y->dimension, &other->dimension);
+                    v->converter[v->nconverter++] = (pm_logger_converter){u, i, j, loses};
                 }
             }
         }
         for (int t = 0; t < v->nvariable; ++t) {
             if (v->column[t].kind == PM_LOGGER_TEMPERATURE && v->column[t].part == y->part) {
                 term_list heat = {0};
-                double rise = 0;
+                double x[MOST] = {0};
                 add_term(&heat, i, SIZE, i, SIZE);
-                v->warms[i][t] = gain_of(w, t, &heat, 0, work, &rise) > GAINS && rise > 0;
+                const double gain = gain_of(w, t, &heat, 0, work, x), rise = x[work->n - 1];
+                v->warms[i][t] = gain > GAINS && rise > 0;
                 if (v->warms[i][t] && v->column[t].free_scale) {
                     // The power of the loss gives the scale of all capacities.
                     const double size = fmax(fabs(y->least), fabs(y->largest));
@@ -365,5 +434,20 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
         }
     }
+    // What moves two co-energies through a throttle does not move each of them by itself.
+    int kept = 0;
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        bool throttled = false;
+        for (int k = 0; k < v->nconverter && action->effect == PM_LOGGER_GAIN; ++k) {
+            const pm_logger_converter *c = &v->converter[k];
+            throttled = throttled || (c->loses && c->input == action->input &&
+                                      (c->one == action->target || c->other == action->target));
+        }
+        if (!throttled) {
+            v->action[kept++] = *action;
+        }
+    }
+    v->naction = kept;
     return PM_OK;
 }

@@ -22,8 +22,6 @@
 #define FEWEST_AT_TOP 5 // steps in which a sensor that saturates stays at its largest value
 #define SELDOM_EQUAL 0.05
 #define ROOM 293.15     // K
-#define COLDEST 200.0   // K, of surroundings
-#define HOTTEST 400.0
 
 static bool has_unit(const pm_logger_column *c, const char *unit) {
     const pm_unit other = pm_unit_parse(unit);
@@ -504,11 +502,38 @@ static void find_actions(pm_logger_view *view) {
                     const bool beside = (effect == PM_LOGGER_DRIVES && c != driven) ||
                                         (effect == PM_LOGGER_THROUGH && view->coupling[c][u] <= 0);
                     view->action[view->naction++] =
-                        (pm_logger_action){u, c, beside ? PM_LOGGER_GAIN : effect, 1, false, false};
+                        (pm_logger_action){.input = u,
+                                           .target = c,
+                                           .effect = beside ? PM_LOGGER_GAIN : effect,
+                                           .gain = 1};
                 }
             }
         }
     }
+}
+
+void pm_logger_find_surroundings(pm_logger_view *view) {
+    double sum = 0, weight = 0;
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *c = &view->column[i];
+        double leak = c->decay;
+        bool bath = false;
+        for (int j = 0; j < view->nvariable; ++j) {
+            leak -=
+                j != i && view->column[j].kind == PM_LOGGER_TEMPERATURE ? view->coupling[i][j] : 0;
+        }
+        for (int a = 0; a < view->naction; ++a) {
+            bath =
+                bath || (view->action[a].effect == PM_LOGGER_BATH && view->action[a].target == i);
+        }
+        const double outside = leak > 0 ? c->constant / leak : 0;
+        view->leaks[i] = c->kind == PM_LOGGER_TEMPERATURE && !bath && leak > LEAK * c->decay &&
+                         outside > PM_LOGGER_COLDEST && outside < PM_LOGGER_HOTTEST;
+        view->leak[i] = leak;
+        sum += view->leaks[i] ? leak * outside : 0;
+        weight += view->leaks[i] ? leak : 0;
+    }
+    view->bath = weight > 0 ? sum / weight : ROOM;
 }
 
 // Finds co-energies of one kind that share an inertia: an input drives d and moves o, too. The
@@ -644,28 +669,7 @@ static void find_scales(pm_logger_samples *w) {
         }
     }
     view->naction = kept;
-    // Temperatures may tend towards surroundings which no input describes.
-    double sum = 0, weight = 0;
-    for (int i = 0; i < view->nvariable; ++i) {
-        const pm_logger_column *c = &view->column[i];
-        double leak = c->decay;
-        bool bath = false;
-        for (int j = 0; j < view->nvariable; ++j) {
-            leak -=
-                j != i && view->column[j].kind == PM_LOGGER_TEMPERATURE ? view->coupling[i][j] : 0;
-        }
-        for (int a = 0; a < view->naction; ++a) {
-            bath =
-                bath || (view->action[a].effect == PM_LOGGER_BATH && view->action[a].target == i);
-        }
-        const double outside = leak > 0 ? c->constant / leak : 0;
-        view->leaks[i] = c->kind == PM_LOGGER_TEMPERATURE && !bath && leak > LEAK * c->decay &&
-                         outside > COLDEST && outside < HOTTEST;
-        view->leak[i] = leak;
-        sum += view->leaks[i] ? leak * outside : 0;
-        weight += view->leaks[i] ? leak : 0;
-    }
-    view->bath = weight > 0 ? sum / weight : ROOM;
+    pm_logger_find_surroundings(view);
 }
 
 // --- parts ---

@@ -15,6 +15,8 @@
 #define PM_LOGGER_COLUMNS 32 // columns beside the times, hidden velocities included
 #define PM_LOGGER_PARTS 8
 #define PM_LOGGER_ACTIONS 64
+#define PM_LOGGER_COLDEST 200.0 // K, of surroundings
+#define PM_LOGGER_HOTTEST 400.0
 
 typedef enum pm_logger_kind {
     PM_LOGGER_POSITION,    // dq/dt = v, where v is its mate; or of a charge and a current
@@ -77,6 +79,7 @@ typedef struct pm_logger_column {
     bool feeds;                        // a level from which fluid falls into another part
     bool spills;                       // a level whose vessel has a brim
     double constant;                   // the rate that depends on nothing, in its unit per s
+    double unexplained; // part of its changes that no column explains, itself included
 } pm_logger_column;
 
 typedef enum pm_logger_effect {
@@ -86,6 +89,7 @@ typedef enum pm_logger_effect {
     PM_LOGGER_WARMS,   // heats with a factor that is learned
     PM_LOGGER_BATH,    // a temperature that exchanges heat
     PM_LOGGER_THROUGH, // a co-energy of the same kind, through a resistance
+    PM_LOGGER_COOLS,   // sets how well heat is conducted to a bath, as the flow of a coolant
     PM_LOGGER_FILLS // it is the rate of a charge, or of that of a relaxing pair; gain is its sign
 } pm_logger_effect;
 
@@ -96,12 +100,14 @@ typedef struct pm_logger_action {
     double gain; // with which a fit begins, in units of the energy variable of the target per s
     bool lever;  // of PM_LOGGER_GAIN: the factor depends on positions
     bool valve;  // likewise: it depends on the target and on the size of the input
+    double bath; // K, of PM_LOGGER_COOLS
 } pm_logger_action;
 
-// An input by which two co-energies move each other without loss, as in a switched converter: the
-// product of the input and the one moves the other.
+// An input whose product with one co-energy moves another one, and the other way round: without
+// loss, as in a switched converter, or with loss between two of one kind, as through a throttle.
 typedef struct pm_logger_converter {
     int input, one, other;
+    bool loses;
 } pm_logger_converter;
 
 typedef struct pm_logger_view {
@@ -161,5 +167,9 @@ typedef struct pm_logger_hints {
 pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
                          const pm_logger_hints *hints);
 void pm_logger_view_free(pm_logger_view *view);
+
+// Finds which temperatures tend towards surroundings that no input describes, and how warm these
+// are, from the couplings and the constant rates of the view.
+void pm_logger_find_surroundings(pm_logger_view *view);
 
 #endif

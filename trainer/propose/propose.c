@@ -179,7 +179,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         d.space.write = write_vector;
         d.space.context = &d;
         d.space.sketch = &d.sketch;
-        const pm_search_how how = {p->budget, p->loud, p->stop};
+        const pm_search_how how = {.budget = p->budget, .loud = p->loud, .stop = p->stop};
         status = pm_search_run(&d.space, &how, path, NULL);
     }
     pm_look_free(&d.look);

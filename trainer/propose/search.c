@@ -250,12 +250,13 @@ static bool is_better(const pm_search_trial *a, const pm_search_trial *b, double
     return mean + sqrt(fmax(square - mean * mean, 0) / (n - 1)) < log(factor);
 }
 
-static bool is_enough(const pm_search_trial *t) {
+static bool is_enough(const hypothesis_search *s, const pm_search_trial *t) {
     bool all = true;
     for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
         all = all && t->score.group[g] < PM_VERDICT_STEP;
     }
-    return all && error_of(t) < ENOUGH && !(t->score.rollout > PM_VERDICT_GOOD);
+    return all && error_of(t) < (s->how->enough > 0 ? s->how->enough : ENOUGH) &&
+           !(t->score.rollout > PM_VERDICT_GOOD);
 }
 
 // Adds the best vector with another alternative of one choice, or, for choice -1, with the first
@@ -349,7 +350,7 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     const bool doubt = add(s, -1, 0);
     PM_TRY(run_new(s, last, &s->effort, INFINITY));
     const double best = error_of(&s->candidate[s->best].trial);
-    while (count < FINALISTS && (doubt || !is_enough(&s->candidate[s->best].trial))) {
+    while (count < FINALISTS && (doubt || !is_enough(s, &s->candidate[s->best].trial))) {
         int next = -1;
         for (int i = 0; i < s->ncandidate; ++i) {
             bool has = false;
@@ -449,7 +450,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
             const pm_choice *choice = &space->choice[c];
             const int first = s->ncandidate, own = s->candidate[s->best].vector[c];
             const double before = local_error(so_far, choice), all = error_of(so_far);
-            if (is_enough(so_far)) {
+            if (is_enough(s, so_far)) {
                 return PM_OK;
             }
             for (int a = 0; a < choice->count; ++a) {
