@@ -145,7 +145,7 @@ for i in 1 2 3 4 5; do
     }' >"$folder/cell_$i.csv"
 done
 succeed "V_charge [A s]: a hidden charge behind a resistance" propose --data "$folder"/cell_?.csv --inputs I -o "$folder/cell"
-grep -q 'V: "system.dE.V_charge + .* - system.resistance_V_charge\*I"' "$folder/cell/scene.yaml" || fail "propose: expected the resistance in an observation"
+grep -q 'V: "system.dE.V_charge + .* - system.resistance_V_charge.*(I + ' "$folder/cell/scene.yaml" || fail "propose: expected the resistance in an observation"
 succeed "Verdict: good" fit "$folder/cell/training.yaml" -o "$folder/cell/weights"
 grep -qE "resistance_V_charge = 0.0(59|60)" "$folder/out" || fail "fit: expected a resistance of 0.06 ohm"
 

@@ -292,8 +292,9 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         pm_logger_cell_resistance(resistance, sizeof resistance, v, cell, prefix, prefix);
         for (int u = v->nvariable; u < v->ncolumn; ++u) {
             if (v->column[u].id == cell->current) {
-                fprintf(f, " %c %s*%s", cell->resistance < 0 ? '-' : '+', resistance,
-                        v->column[u].source);
+                char current[4 * PM_LOGGER_LONG_TEXT];
+                pm_logger_cell_current(current, sizeof current, cell, prefix, v->column[u].source);
+                fprintf(f, " %c %s*%s", cell->resistance < 0 ? '-' : '+', resistance, current);
             }
         }
         fputs("\"\n", f);

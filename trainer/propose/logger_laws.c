@@ -271,21 +271,38 @@ void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
                                const pm_logger_column *cell, const char *of, const char *at) {
     const char *name = cell->name;
     const int T = v->thermometer[cell->part];
-    int n = snprintf(text, size, "%sresistance_%s*(1 + %sdrained_%s*exp((%.6g - %s%s)/%sdepth_%s))", of,
-                     name, of, name, cell->least, at, name, of, name);
+    int n = snprintf(text, size, "%sresistance_%s*(1 + %sdrained_%s*exp((%.6g - %s%s)/%sdepth_%s))",
+                     of, name, of, name, cell->least, at, name, of, name);
     if (T >= 0 && n < (int)size) {
         snprintf(text + n, size - (size_t)n, "*exp(%swarms_%s*(%.6g - %s%s))", of, name,
                  v->column[T].mean, at, v->column[T].name);
     }
 }
 
+void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell, const char *of,
+                            const char *current) {
+    char x[PM_LOGGER_LONG_TEXT];
+    snprintf(x, sizeof x, "%.40s/%.100sexchange_%.40s", current, of, cell->name);
+    snprintf(text, size, "(%s + %sactivation_%s*ln(%s + sqrt((%s)^2 + 1)))", current, of,
+             cell->name, x, x);
+}
+
 // Adds the constants of the resistance of a cell, which its voltage and its heat have in common.
 static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
     const bool warms = w->v->thermometer[cell->part] >= 0;
-    const char *const kind[] = {"resistance", "drained", "depth", "warms"};
-    const double start[] = {fmax(fabs(cell->resistance), LEAST_CONSTANT), SMALL,
-                            SMALL * (cell->largest - cell->least), WARMS};
-    for (int k = 0; k < (warms ? 4 : 3); ++k) {
+    double current = 1;
+    for (int u = w->v->nvariable; u < w->v->ncolumn; ++u) {
+        current = w->v->column[u].id == cell->current ? w->v->column[u].deviation : current;
+    }
+    const char *const kind[] = {"resistance", "drained",  "depth",
+                                "activation", "exchange", "warms"};
+    const double start[] = {fmax(fabs(cell->resistance), LEAST_CONSTANT),
+                            SMALL,
+                            SMALL * (cell->largest - cell->least),
+                            SMALL * current,
+                            current,
+                            WARMS};
+    for (int k = 0; k < (warms ? 6 : 5); ++k) {
         fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind[k],
                 cell->name, start[k]);
     }
@@ -586,9 +603,11 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
     char resistance[PM_LOGGER_LONG_TEXT];
     add_resistance(w, cell);
     pm_logger_cell_resistance(resistance, sizeof resistance, w->v, cell, "", "a.");
-    snprintf(text, size, "%s + %s*a.%s/%.4g + %s*b.dE.x", sign,
+    char current[4 * PM_LOGGER_LONG_TEXT];
+    pm_logger_cell_current(current, sizeof current, cell, "", "b.dE.x");
+    snprintf(text, size, "%s + %s*a.%s/%.4g + %s*%s", sign,
              pm_logger_number(w, "by_charge", name, 0, gain), cell->name,
-             fmax(fabs(cell->least), fabs(cell->largest)), resistance);
+             fmax(fabs(cell->least), fabs(cell->largest)), resistance, current);
 }
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,

@@ -124,10 +124,15 @@ void pm_logger_write_opening(pm_logger_writer *w, const char *name, const pm_log
 // data show them: "name" is that of the coefficient.
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action);
 
-// Writes to `text` the resistance of a cell: it rises where the cell is nearly empty, and falls with
-// heat. `of` and `at` are the prefixes of constants and of groups.
+// Writes to `text` the resistance of a cell: it rises where the cell is nearly empty, and falls
+// with heat. `of` and `at` are the prefixes of constants and of groups.
 void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
                                const pm_logger_column *cell, const char *of, const char *at);
+
+// Writes to `text` by what the resistance of a cell is multiplied: the current, and a part for the
+// exchange of charge (Butler and Volmer), the inverse of a hyperbolic sine.
+void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell, const char *of,
+                            const char *current);
 
 // Writes to `text` the heat of an input that warms a temperature, divided by the input. What flows
 // one way only warms in proportion. Else the heat has a part that changes its sign with the input,
