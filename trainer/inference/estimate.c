@@ -36,9 +36,9 @@ typedef struct start_uncertainty {
     double *noise;      // [ny] of the columns, from sample to sample
 } start_uncertainty;
 
-// Finds the noise of each column from sample to sample: that of the fit, or that of the residuals in
-// the first seconds, which s holds, if it clearly is another one: records may come from a better or
-// a worse sensor, or from a simulator.
+// Finds the noise of each column from sample to sample: that of the fit, or that of the residuals
+// in the first seconds, which s holds, if it clearly is another one: records may come from a better
+// or a worse sensor, or from a simulator.
 static pm_status find_noise(const pm_estimate *e, const pm_shooting *s, const pm_uncertainty *u,
                             start_uncertainty *start) {
     size_t all = 1;
