@@ -280,16 +280,6 @@ done:
     return status;
 }
 
-// Returns true if the cache has this source, and the code that was made from it.
-static bool is_kept(const char *code, const char *source, const char *text) {
-    char *kept = NULL, head[40];
-    snprintf(head, sizeof head, "// %016llx\n", (unsigned long long)digest_file(code, NULL));
-    const bool is = digest_file(source, &kept) != 0 && strncmp(kept, head, strlen(head)) == 0 &&
-                    strcmp(kept + strlen(head), text) == 0;
-    free(kept);
-    return is;
-}
-
 // Returns the least CPU time that a run takes, s.
 static double time_of(pm_program *program) {
     double least = INFINITY;
@@ -315,7 +305,14 @@ pm_status pm_compiler_link(pm_compiler *c) {
     const uint64_t key = pm_digest_text(digest_tools(compiler), c->text);
     snprintf(code, sizeof code, "%s/%016llx.so", folder, (unsigned long long)key);
     snprintf(source, sizeof source, "%s/%016llx.c", folder, (unsigned long long)key);
-    if (!is_kept(code, source, c->text)) {
+    // Whether the cache has this source, and the code that was made from it.
+    char *kept = NULL, head[40];
+    snprintf(head, sizeof head, "// %016llx\n", (unsigned long long)digest_file(code, NULL));
+    const bool is_kept = digest_file(source, &kept) != 0 &&
+                         strncmp(kept, head, strlen(head)) == 0 &&
+                         strcmp(kept + strlen(head), c->text) == 0;
+    free(kept);
+    if (!is_kept) {
         PM_TRY(build(compiler, folder, code, source, c->text));
     }
     void *library = dlopen(code, RTLD_NOW | RTLD_LOCAL);

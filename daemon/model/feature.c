@@ -246,11 +246,6 @@ static const feature_form forms[] = {
     {"", NULL, "", false, false, build_raw, discrete_raw},
 };
 
-static bool is_name_character(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
-           c == '.';
-}
-
 static bool skip(const char **text, const char *word) {
     const size_t length = strlen(word);
     if (strncmp(*text, word, length) != 0) {
@@ -261,10 +256,9 @@ static bool skip(const char **text, const char *word) {
 }
 
 static bool take_name(const char **text, char name[PM_MAX_NAME]) {
-    size_t length = 0;
-    while (is_name_character((*text)[length])) {
-        ++length;
-    }
+    static const char letters[] =
+        "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.";
+    const size_t length = strspn(*text, letters);
     if (length == 0 || length >= PM_MAX_NAME) {
         return false;
     }

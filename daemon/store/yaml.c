@@ -436,14 +436,6 @@ static pm_status adopt_child(pm_yaml_document *document, int parent, int key, in
     return PM_OK;
 }
 
-// Returns true if UTF-8 text begins with a control character or with a line end of YAML: U+0080 to
-// U+009F, U+2028 and U+2029.
-static bool is_control(const char *text) {
-    const unsigned char *c = (const unsigned char *)text;
-    return c[0] < ' ' || c[0] == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
-           (c[0] == 0xe2 && c[1] == 0x80 && (c[2] == 0xa8 || c[2] == 0xa9));
-}
-
 // Checks every node and notes its place. It visits the nodes in the order of libyaml's table
 // instead of by recursion, so that deep nesting costs no stack.
 static pm_status adopt(pm_yaml_document *document) {
@@ -489,9 +481,12 @@ static pm_status adopt(pm_yaml_document *document) {
             return pm_yaml_fail(value, "tags are not supported, found %.64s",
                                 tag == NULL ? "!" : tag);
         }
-        // libyaml terminates the text by a zero.
+        // libyaml terminates the UTF-8 text by a zero. Line ends of YAML are also U+0080 to U+009F,
+        // U+2028 and U+2029.
         for (size_t i = 0; text != NULL && i < node->data.scalar.length; ++i) {
-            if (is_control(text + i)) {
+            const unsigned char *c = (const unsigned char *)text + i;
+            if (c[0] < ' ' || c[0] == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
+                (c[0] == 0xe2 && c[1] == 0x80 && (c[2] == 0xa8 || c[2] == 0xa9))) {
                 return pm_yaml_fail(value,
                                     "text must stand on one line without control characters");
             }

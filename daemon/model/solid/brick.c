@@ -9,15 +9,6 @@
 static const double corner[PM_BRICK_NODES][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
                                                  {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
 
-// Returns the derivative along axis d, at s, of the shape function of a node.
-static double slope(int node, const double s[3], int d) {
-    double product = corner[node][d] / 8;
-    for (int e = 0; e < 3; ++e) {
-        product *= e == d ? 1 : 1 + corner[node][e] * s[e];
-    }
-    return product;
-}
-
 bool pm_brick_make(pm_brick *brick, const double *x) {
     brick->volume = 0;
     for (int p = 0; p < PM_BRICK_POINTS; ++p) {
@@ -27,7 +18,10 @@ bool pm_brick_make(pm_brick *brick, const double *x) {
         }
         for (int n = 0; n < PM_BRICK_NODES; ++n) {
             for (int i = 0; i < 9; ++i) {
-                local[n][i % 3] = slope(n, s, i % 3);
+                local[n][i % 3] = corner[n][i % 3] / 8; // the slope of the shape function
+                for (int e = 0; e < 3; ++e) {
+                    local[n][i % 3] *= e == i % 3 ? 1 : 1 + corner[n][e] * s[e];
+                }
                 jacobian[i] += x[3 * n + i / 3] * local[n][i % 3];
             }
         }
