@@ -417,6 +417,25 @@ class Copies(unittest.TestCase):
         del copies, scene
         self.assertTrue(numpy.isfinite(view).all())  # the array keeps the copies open
 
+    def test_derivatives_of_rollouts(self):
+        copies = portmet.Fleet("configs/driven_lower.yaml", 3)
+        random = numpy.random.default_rng(0).standard_normal
+        inputs, d_inputs = 0.1 * random((2, 4, 3, copies.inputs.shape[1]))
+        seed, d_start = random((4, *copies.state.shape)), random(copies.state.shape)
+        before, d_weights = copies.state.copy(), random((3, sum(map(len, copies.weight_names.values()))))
+        states, tangents = copies.jvp(d_start, d_inputs, inputs=inputs, steps=2)
+        numpy.testing.assert_array_equal(states, copies.rollout(inputs, 2))
+        ends = [copies.rollout(inputs + by * d_inputs, 2, before + by * d_start) for by in (1e-5, -1e-5)]
+        numpy.testing.assert_allclose(tangents, (ends[0] - ends[1]) / 2e-5, rtol=1e-6, atol=1e-6)
+        by_start, by_inputs, by_weights = copies.vjp(seed, inputs, 2, weights=True)
+        numpy.testing.assert_allclose((by_start * d_start).sum(1) + (by_inputs * d_inputs).sum((0, 2)),
+                                      (seed * tangents).sum((0, 2)), rtol=1e-9)
+        tangents = copies.jvp(d_weights=d_weights, inputs=inputs, steps=2)[1]
+        numpy.testing.assert_allclose((by_weights * d_weights).sum(1), (seed * tangents).sum((0, 2)), rtol=1e-9)
+        numpy.testing.assert_array_equal(copies.state, before)
+        self.assertEqual(list(copies.steps), [0, 0, 0])
+        self.assertRaises(portmet.Error, portmet.Fleet("configs/bouncing_masses.yaml", 1).vjp, 0.0)
+
     def test_ends_and_saved_copies(self):
         copies = portmet.Fleet("configs/driven_lower.yaml", 3)
         row = copies.save([1])
