@@ -124,6 +124,23 @@ static pm_status check_path(const char *option, const char *path) {
                : pm_fail(PM_EUSAGE, "emit: %s %s: expected an absolute path", option, path);
 }
 
+// Checks that the units can read a file, which they cannot in some folders, and write it if it is
+// `written` (systemd/hardening.conf).
+static pm_status check_unit_path(const char *path, bool written) {
+    static const char own[] = "/var/lib/portmet/";
+    static const char *const hidden[] = {"/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/"};
+    bool sees = true;
+    for (size_t i = 0; path != NULL && i < sizeof hidden / sizeof *hidden; ++i) {
+        sees = sees && strncmp(path, hidden[i], strlen(hidden[i])) != 0;
+    }
+    if (!sees || (path != NULL && written && strncmp(path, own, strlen(own)) != 0)) {
+        return pm_fail(PM_EUSAGE, "emit: %s: the units %s", path,
+                       written ? "write only below /var/lib/portmet"
+                               : "do not see /home, /root, /run/user, /tmp and /var/tmp");
+    }
+    return PM_OK;
+}
+
 // --- texts ---
 
 // Returns "NAME VALUE " in the arena, or "" if the option was not given.
@@ -283,6 +300,11 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(check_text(options->url));
     PM_TRY_DONE(check_path("--weights", options->weights));
     PM_TRY_DONE(check_path("--record", options->record));
+    if (systemd) {
+        PM_TRY_DONE(check_unit_path(e.path, false));
+        PM_TRY_DONE(check_unit_path(options->weights, false));
+        PM_TRY_DONE(check_unit_path(options->record, true));
+    }
     status =
         systemd ? emit_systemd(&e) : write_text(&e, options->output, pm_emit_procman, -1, NULL);
 done:

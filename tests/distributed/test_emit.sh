@@ -2,6 +2,7 @@
 # test_emit.sh PORTMETD MAKE_SCENE SAME_RECORDING UNITS: what `portmetd emit` writes for systemd and for
 # procman starts the processes of a scene, and the run has the bits of a run in one process. UNITS is
 # the folder of the units that are installed with portmetd.
+export TMPDIR=/srv # a unit does not see /tmp
 . "$(dirname "$0")/network.sh"
 units=$4
 steps=100
@@ -63,22 +64,24 @@ runs procman
 
 # --- systemd ---
 
+refuses 'write only below /var/lib/portmet' systemd "$scene" --record "$folder/run.h5" -o "$folder/hosts"
+refuses 'do not see /home, /root' systemd "$scene" --weights /home/x/weights -o "$folder/hosts"
 # What is served has the runs that clients start.
 set -- --hosts one,two,coordinator=three --url "$url"
 refuses 'clients start the runs' systemd "$scene" "$@" --steps 3 -o "$folder/hosts"
-"$portmetd" emit systemd "$scene" "$@" --record "$folder/records" -o "$folder/hosts" >"$folder/wrote" ||
+"$portmetd" emit systemd "$scene" "$@" --record /var/lib/portmet/records -o "$folder/hosts" >"$folder/wrote" ||
     fail "systemd"
 [ "$(wc -l <"$folder/wrote")" -eq 3 ] || fail "systemd: $(cat "$folder/wrote")"
 
-# execute HOST UNIT INSTANCE SETTINGS: runs what UNIT@INSTANCE executes on a host. Checkpoints, for units in
-# /var/lib/portmet, lie in the test's folder.
+# execute HOST UNIT INSTANCE SETTINGS: runs what UNIT@INSTANCE executes on a host. What units write to
+# /var/lib/portmet lies in the test's folder.
 execute() {
     grep -q "^Wants=$2@$3.service$" "$folder/hosts/$1/etc/systemd/system/portmet-pair.target" ||
         fail "systemd: the target on $1 does not start $2@$3"
     command=$(sed -n 's/^ExecStart=//p' "$units/$2@.service")
     for variable in SCENE PROCESS OPTIONS; do
         value=$(sed -n "s/^PORTMET_$variable=//p" "$folder/hosts/$1/etc/portmet/$4.env" |
-            sed "s,/var/lib/portmet/,$folder/checkpoints_,; s/[&,\]/\\&/g")
+            sed "s,/var/lib/portmet/,$folder/unit_,; s/[&,\]/\\&/g")
         command=$(printf %s "$command" | sed "s,\${PORTMET_$variable},$value,; s,\$PORTMET_$variable,$value,")
     done
     launch "$4" "$command"
@@ -99,11 +102,11 @@ for unit in node_pair_left pair; do
     *) execute one portmet-node pair-left node-pair-left ;;
     esac
 done
-[ -n "$(ls "$folder"/checkpoints_pair-left)" ] || fail "systemd: no checkpoints"
+[ -n "$(ls "$folder"/unit_pair-left)" ] || fail "systemd: no checkpoints"
 wait_until sh -c "'$portmetd' query '$scene' --url '$url' | grep -q 'held, run .*step 60 of'" || fail "systemd: not held"
 timeout 60 "$portmetd" resume "$scene" --url "$url" --quiet || fail "systemd: resume"
 wait_until sh -c "'$portmetd' query '$scene' --url '$url' | grep -q 'ended, run .*step $steps of'" || fail "systemd: no end"
-"$same_recording" "$folder/plain.h5" "$folder/records/systemd.h5" || fail "systemd: other bits"
+"$same_recording" "$folder/plain.h5" "$folder/unit_records/systemd.h5" || fail "systemd: other bits"
 kill -TERM "$pair" "$node_pair_left" "$node_pair_right"
 wait "$pair" || fail "systemd: the service ends with $?"
 
