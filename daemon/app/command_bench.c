@@ -357,7 +357,7 @@ static pm_status report(const bench *b, double target) {
         char path[4096];
         FILE *file;
         snprintf(path, sizeof path, "%s.txt", b->options->picture);
-        PM_TRY(pm_files_create(&file, path));
+        PM_TRY(pm_files_create(&file, path, NULL));
         const pm_stepping *last = NULL;
         int nblock = 0;
         for (int i = 0; i < b->nsetting; ++i) {

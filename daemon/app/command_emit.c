@@ -202,7 +202,7 @@ static pm_status write_text(emission *e, const char *path, const char *const *li
     const int nprocess = e->scene->network.nprocess;
     PM_TRY(pm_arena_status(&e->arena, "the texts of scene %s", e->scene->name));
     FILE *file = stdout;
-    PM_TRY(path == NULL ? PM_OK : pm_files_create(&file, path));
+    PM_TRY(path == NULL ? PM_OK : pm_files_create(&file, path, NULL));
     if (i >= 0) {
         write_lines(e, file, line, INT_MAX, i, host);
     }

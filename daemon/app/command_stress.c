@@ -159,7 +159,7 @@ static pm_status report(stress *t) {
     FILE *file = NULL;
     if (options->picture != NULL) {
         snprintf(text, sizeof text, "%s.txt", options->picture);
-        PM_TRY(pm_files_create(&file, text));
+        PM_TRY(pm_files_create(&file, text, NULL));
     }
     for (int k = 0; k < WIDTHS; ++k) {
         for (int l = 0; l < LENGTHS; ++l) {

@@ -481,6 +481,11 @@ done:
     return status;
 }
 
+static void try_read(const void *context) {
+    view v = *(const view *)context; // whose memory is the child's
+    (void)read_recording(&v);
+}
+
 // --- messages as JSON (RFC 8259) ---
 
 // Every name is a name of the scene, and every value a number or such a name. A number that is not
@@ -955,6 +960,7 @@ static pm_status open_view(view *v) {
     PM_TRY(pm_scene_load(&v->scene, options->scene));
     PM_TRY(make_graph(v));
     if (options->recording != NULL) {
+        PM_TRY(pm_hdf5_try(options->recording, try_read, v));
         PM_TRY(read_recording(v));
     } else {
         const char *address;

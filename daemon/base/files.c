@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <pthread.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -56,25 +57,43 @@ void pm_files_note_output(const char *path) {
     note(path, true);
 }
 
-pm_status pm_files_check_output(const char *path, bool regular) {
+// Returns true if there is nothing in the file, or it begins with `kind`.
+static bool is_of_kind(const char *path, const char *kind) {
+    char begin[64] = "";
+    FILE *file = fopen(path, "rb");
+    const size_t count = file == NULL ? 0 : fread(begin, 1, sizeof begin, file);
+    if (file != NULL) {
+        fclose(file);
+    }
+    return count == 0 || (count >= strlen(kind) && memcmp(begin, kind, strlen(kind)) == 0);
+}
+
+pm_status pm_files_check_output(const char *path, const char *kind) {
     struct stat facts;
     if (stat(path, &facts) != 0) {
         return PM_OK;
     }
-    if (regular && !S_ISREG(facts.st_mode)) {
+    if (kind != NULL && !S_ISREG(facts.st_mode)) {
         return pm_fail(PM_EFILE, "%s: this is not a regular file, and is not replaced", path);
     }
     pthread_mutex_lock(&lock);
     const identity *found = find(&facts);
     const bool input = found != NULL && !found->written;
     pthread_mutex_unlock(&lock);
-    return input ? pm_fail(PM_EUSAGE, "%s: the program reads this file, and does not overwrite it",
-                           path)
-                 : PM_OK;
+    if (input) {
+        return pm_fail(PM_EUSAGE, "%s: the program reads this file, and does not overwrite it",
+                       path);
+    }
+    return kind == NULL || is_of_kind(path, kind)
+               ? PM_OK
+               : pm_fail(PM_EFILE,
+                         "%s: this file exists and is of another kind: remove it, or choose "
+                         "another name",
+                         path);
 }
 
-pm_status pm_files_create(FILE **file, const char *path) {
-    PM_TRY(pm_files_check_output(path, false));
+pm_status pm_files_create(FILE **file, const char *path, const char *kind) {
+    PM_TRY(pm_files_check_output(path, kind));
     *file = fopen(path, "w");
     if (*file == NULL) {
         return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));

@@ -13,11 +13,18 @@ void pm_files_note_input(const char *path);
 // Notes that the program has written this file, so that it may read and write it again.
 void pm_files_note_output(const char *path);
 
-// PM_EUSAGE: the program reads the file at `path`. PM_EFILE: with `regular`, there is something at
-// `path` that is no regular file, such as a device.
-pm_status pm_files_check_output(const char *path, bool regular);
+// A kind of file: the bytes with which each begins. PM_FILES_ANY: any regular file.
+#define PM_FILES_ANY ""
+#define PM_FILES_HDF5 "\x89HDF\r\n\x1a\n"
+#define PM_FILES_ARCHIVE "PK"
 
-// Creates a text file, which the caller closes. PM_EUSAGE: the program reads it. PM_EFILE.
-pm_status pm_files_create(FILE **file, const char *path);
+// PM_EUSAGE: the program reads the file at `path`. PM_EFILE: unless `kind` is NULL, there is
+// something at `path` that is no regular file, such as a device; or a file that is not empty and is
+// of another kind, which somebody else has written.
+pm_status pm_files_check_output(const char *path, const char *kind);
+
+// Creates a text file, or one of a kind, which the caller closes. Fails as pm_files_check_output
+// does. PM_EFILE.
+pm_status pm_files_create(FILE **file, const char *path, const char *kind);
 
 #endif

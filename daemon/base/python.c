@@ -83,7 +83,7 @@ pm_status pm_python_table(FILE **file, const char *folder, const char *name) {
     if ((size_t)snprintf(path, sizeof path, "%s/%s", folder, name) >= sizeof path) {
         return pm_fail(PM_EFILE, "%s: the path is too long", folder);
     }
-    return pm_files_create(file, path);
+    return pm_files_create(file, path, NULL);
 }
 
 pm_status pm_python_table_close(FILE *file, const char *folder) {

@@ -762,7 +762,7 @@ static pm_status compile(fmu_writer *w, bool *compiled) {
 
 static pm_status write_archive(fmu_writer *w, const char *path, bool *compiled) {
     FILE *file = NULL;
-    PM_TRY(pm_files_create(&file, path));
+    PM_TRY(pm_files_create(&file, path, PM_FILES_ARCHIVE));
     w->archive = (archive){.file = file, .arena = w->arena};
     pm_status status = pack_all(w);
     if (status == PM_OK) {

@@ -558,7 +558,7 @@ static pm_status write_file(scene_writer *w, const char *folder, const char *suf
     const char *path = pm_arena_printf(&w->arena, "%s/%s%s", folder, w->scene->name, suffix);
     PM_TRY(pm_arena_status(&w->arena, "a source file"));
     FILE *file = NULL;
-    PM_TRY(pm_files_create(&file, path));
+    PM_TRY(pm_files_create(&file, path, NULL));
     pm_template_write(file, text, INT_MAX, nvalue, value);
     const bool bad = ferror(file) != 0;
     if (fclose(file) != 0 || bad) {

@@ -60,14 +60,35 @@ static pm_status read_all(const pm_hdf5 *file, const char *path, const pm_scene 
     return PM_OK;
 }
 
-pm_status pm_live_replay_load(const char *path, const pm_scene *scene, pm_arena *arena,
-                              double **value, int64_t *steps) {
+static pm_status load(const char *path, const pm_scene *scene, pm_arena *arena, double **value,
+                      int64_t *steps) {
     pm_hdf5 *file = NULL;
-    if (scene->network.nlive == 0) {
-        return pm_fail(PM_ECONFIG, "scene %s has no live inputs to be replayed", scene->name);
-    }
     PM_TRY(pm_hdf5_open(&file, path, PM_HDF5_ANY, PM_EDATA));
     const pm_status status = read_all(file, path, scene, arena, value, steps);
     pm_hdf5_close(file);
     return status;
+}
+
+typedef struct trial {
+    const char *path;
+    const pm_scene *scene;
+} trial;
+
+static void try_load(const void *context) {
+    const trial *what = context;
+    pm_arena arena = {0};
+    double *value;
+    int64_t steps;
+    (void)load(what->path, what->scene, &arena, &value, &steps);
+    pm_arena_free(&arena);
+}
+
+pm_status pm_live_replay_load(const char *path, const pm_scene *scene, pm_arena *arena,
+                              double **value, int64_t *steps) {
+    if (scene->network.nlive == 0) {
+        return pm_fail(PM_ECONFIG, "scene %s has no live inputs to be replayed", scene->name);
+    }
+    const trial context = {path, scene};
+    PM_TRY(pm_hdf5_try(path, try_load, &context));
+    return load(path, scene, arena, value, steps);
 }

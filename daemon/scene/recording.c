@@ -337,7 +337,7 @@ pm_status pm_recording_check(const char *path, bool overwrite) {
     if (!S_ISREG(there.st_mode)) {
         return pm_fail(PM_EFILE, "%s: cannot create a recording: this is not a file", path);
     }
-    PM_TRY(pm_files_check_output(path, true));
+    PM_TRY(pm_files_check_output(path, PM_FILES_ANY));
     if (access(path, W_OK) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
     }

@@ -739,15 +739,33 @@ static pm_status read_boundary_inputs(pm_scene_reader *r) {
 
 // --- ports ---
 
+typedef struct port_table {
+    const char *path, *dataset;
+    int count;
+    double *number; // [count][2]
+} port_table;
+
+static pm_status read_rows(const port_table *t) {
+    const int extent[2] = {t->count, 2};
+    pm_hdf5 *opened = NULL;
+    PM_TRY(pm_hdf5_open(&opened, t->path, PM_HDF5_ANY, PM_EDATA));
+    const pm_status status = pm_hdf5_read(opened, t->dataset, 2, extent, t->number);
+    pm_hdf5_close(opened);
+    return status;
+}
+
+static void try_rows(const void *context) {
+    (void)read_rows(context);
+}
+
 // Reads the key `table` of an entry that stands for `count` ports: a dataset of an HDF5 file whose
 // rows are the numbers for [a] and [b] in each port. `table` [count][2] lies in the arena; NULL:
 // the entry has no table.
 static pm_status read_table(pm_scene_reader *r, pm_yaml value, int count, const double **table) {
-    const int extent[2] = {count, 2};
-    const char *path, *dataset;
+    port_table t = {.count = count};
     pm_yaml file;
     const pm_yaml_key keys[] = {{PM_YAML_VALUE("file", &file), .required = true},
-                                {PM_YAML_TEXT("dataset", &dataset), .required = true},
+                                {PM_YAML_TEXT("dataset", &t.dataset), .required = true},
                                 {0}};
     *table = NULL;
     if (!pm_yaml_exists(value)) {
@@ -757,25 +775,20 @@ static pm_status read_table(pm_scene_reader *r, pm_yaml value, int count, const 
         return pm_yaml_fail(value, "a table needs a range of ports, such as joint[0:30]");
     }
     PM_TRY(pm_yaml_read(value, r->arena, keys));
-    PM_TRY(read_path(r, file, &path));
-    pm_hdf5 *opened = NULL;
-    pm_status status;
-    double *number = pm_arena_array(r->arena, 2 * (size_t)count, sizeof *number);
-    PM_TRY_DONE(pm_scene_check_memory(r));
-    PM_TRY_DONE(pm_hdf5_open(&opened, path, PM_HDF5_ANY, PM_EDATA));
-    PM_TRY_DONE(pm_hdf5_read(opened, dataset, 2, extent, number));
+    PM_TRY(read_path(r, file, &t.path));
+    t.number = pm_arena_array(r->arena, 2 * (size_t)count, sizeof *t.number);
+    PM_TRY(pm_scene_check_memory(r));
+    PM_TRY(pm_hdf5_try(t.path, try_rows, &t));
+    PM_TRY(read_rows(&t));
     for (int i = 0; i < 2 * count; ++i) {
-        if (!(number[i] >= 0 && number[i] <= PM_SCENE_MAX_INDEX && number[i] == floor(number[i]))) {
-            status =
-                pm_fail(PM_EDATA, "%s: dataset %s: row %d has %g, expected a whole number >= 0",
-                        path, dataset, i / 2, number[i]);
-            goto done;
+        const double id = t.number[i];
+        if (!(id >= 0 && id <= PM_SCENE_MAX_INDEX && id == floor(id))) {
+            return pm_fail(PM_EDATA, "%s: dataset %s: row %d has %g, expected a whole number >= 0",
+                           t.path, t.dataset, i / 2, id);
         }
     }
-    *table = number;
-done:
-    pm_hdf5_close(opened);
-    return status;
+    *table = t.number;
+    return PM_OK;
 }
 
 // Reads the two ends; `text` receives their names as they stand in the file.

@@ -114,8 +114,8 @@ done:
     return status;
 }
 
-pm_status pm_recordings_compare(const char *path_a, const char *path_b, bool beginning,
-                                char *difference, int size) {
+static pm_status compare(const char *path_a, const char *path_b, bool beginning, char *difference,
+                         int size) {
     recording_pair c = {
         .sample = -1, .beginning = beginning, .difference = difference, .size = size};
     pm_status status;
@@ -130,4 +130,16 @@ done:
     pm_hdf5_close(c.file[0]);
     pm_hdf5_close(c.file[1]);
     return status;
+}
+
+static void try_compare(const void *path) {
+    char difference[256];
+    (void)compare(path, path, false, difference, sizeof difference);
+}
+
+pm_status pm_recordings_compare(const char *path_a, const char *path_b, bool beginning,
+                                char *difference, int size) {
+    PM_TRY(pm_hdf5_try(path_a, try_compare, path_a));
+    PM_TRY(pm_hdf5_try(path_b, try_compare, path_b));
+    return compare(path_a, path_b, beginning, difference, size);
 }

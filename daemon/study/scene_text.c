@@ -84,7 +84,7 @@ pm_status pm_scene_text_write(const char *text, const char *path, const char *we
                          path, pm_error());
         goto done;
     }
-    PM_TRY_DONE(pm_files_create(&file, path));
+    PM_TRY_DONE(pm_files_create(&file, path, NULL));
     const bool written = fputs(text, file) >= 0;
     if (fclose(file) != 0 || !written) {
         status = pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));

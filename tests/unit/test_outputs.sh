@@ -35,6 +35,26 @@ mkfifo "$folder/pipe"
 program=$train
 expect 4 "pipe: this is not a regular file" truth "$folder/truth.yaml" -o "$folder/pipe"
 
+# A table is an input, too, whichever program reads it.
+printf 't,q\n0,1\n1,2\n2,3\n' >"$folder/table.csv"
+refuse "$folder/table.csv" import "$folder/table.csv" -o "$folder/table.csv"
+mkdir "$folder/tables"
+cp "$data" "$folder/tables/table.mat" # a file of MATLAB may be of HDF5, as a dataset is
+refuse "$folder/tables/table.mat" import "$folder/tables" -o "$folder/tables/table.mat"
+
+# keep ARGUMENT...: $program keeps a letter, which is of another kind than what it writes.
+keep() {
+    expect 4 "letter: this file exists and is of another kind" "$@" "$folder/letter"
+    grep -qx "a letter" "$folder/letter" || fail "${program##*/} $* has replaced a letter"
+}
+echo "a letter" >"$folder/letter"
+keep import "$folder/table.csv" -o
+keep truth "$folder/truth.yaml" -o
+keep propose "$scene" --data "$data" -o
+program=$portmetd
+keep export "$scene" -o
+program=$train
+
 # What the program has written it may read and write again.
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"

@@ -2,6 +2,7 @@
 """test_tables.py BUILD: `portmet-train import` reads tables as programs write them, number by number; and what is cut or
 damaged ends with one line and the exit code of a file or its content, never with a traceback."""
 import contextlib
+import gzip
 import io
 import os
 import pathlib
@@ -261,6 +262,8 @@ def matlab():
     with h5py.File(folder / "fill.mat", "w") as file:
         file.create_dataset("x", (450_000_000, 1), chunks=(1_000_000, 1), dtype="f8")
     refused("an array of nothing", 5, "bytes declare more numbers than 1024 MiB hold", folder / "fill.mat")
+    (folder / "lines.csv.gz").write_bytes(gzip.compress(b"1\n" * (100 << 20)))
+    refused("lines of nothing", 5, "bytes declare more numbers than", folder / "lines.csv.gz")
     steps = np.empty((1, 4), dtype=object)
     steps[0] = [{"time": np.arange(3.0), "V": np.arange(3.0) + k, "I": np.zeros((0, 0)) if k == 2 else np.ones(3)}
                 for k in range(3)] + [{"time": 1.0, "V": 2.0, "I": 3.0}]

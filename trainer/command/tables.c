@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/files.h"
 #include "base/python.h"
 #include "store/hdf5_io.h"
 
@@ -28,6 +29,10 @@ pm_status pm_tables_import(int count, const char *const *table, const char *outp
     int n = 0;
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&arena, "tables"));
+    for (int i = 0; i < count; ++i) {
+        pm_files_note_input(table[i]);
+    }
+    PM_TRY_DONE(pm_files_check_output(output, PM_FILES_HDF5));
     argument[n++] = output;
     for (int i = 0; i < noption; ++i) {
         if (option[i][1] != NULL) { // joined by '=', as a value may begin with '-'

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "propose/logger_draft.h"
 #include "propose/search.h"
 
@@ -345,6 +346,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
         goto done;
     }
     PM_TRY_DONE(pm_dataset_load_measured(&dataset, data, "z"));
+    PM_TRY_DONE(pm_files_check_output(scene, PM_PROPOSED));
+    PM_TRY_DONE(pm_files_check_output(training, PM_PROPOSED));
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, hints));
     looked = true;
     search->dataset = dataset;

@@ -6,7 +6,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "propose/logger_laws.h"
+#include "propose/search.h"
 
 #define FINE 0.15        // substep times the fastest linear rate, where steps are fitted
 #define COARSE 0.5       // likewise for noisy data
@@ -191,10 +193,8 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
 pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) {
     const pm_logger_view *v = &draft->view;
     const pm_dataset *d = v->dataset;
-    FILE *f = fopen(path, "w");
-    if (f == NULL) {
-        return pm_fail(PM_EFILE, "%s: cannot be written", path);
-    }
+    FILE *f = NULL;
+    PM_TRY(pm_files_create(&f, path, PM_PROPOSED));
     double fastest = v->fastest;
     for (int c = 0; c < v->nvariable; ++c) {
         // An inertia that depends on an angle changes as fast as the angle turns.
@@ -214,7 +214,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
         shortest = i == 0 && k > 1 ? k : shortest;
     }
     fprintf(f,
-            "# Proposed by portmet-train propose from %d trajectories of at most %d samples.\n"
+            PM_PROPOSED
+            " from %d trajectories of at most %d samples.\n"
             "# Sensors show co-energies: velocities, temperatures, currents. The momenta, "
             "entropies and\n"
             "# fluxes that belong to them are inside (`coenergy: true`).\n"
@@ -680,11 +681,8 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
                                    const char *comment, const char *path) {
     const pm_logger_view *v = &draft->view;
     pm_logger_writer w = {.v = v, .chosen = chosen};
-    w.f = fopen(path, "w");
-    if (w.f == NULL) {
-        return pm_fail(PM_EFILE, "%s: cannot be written", path);
-    }
-    fprintf(w.f, "# Proposed by portmet-train propose from the columns of a logger.\n%s", comment);
+    PM_TRY(pm_files_create(&w.f, path, PM_PROPOSED));
+    fprintf(w.f, PM_PROPOSED " from the columns of a logger.\n%s", comment);
     for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
         const char *name;
         const char *const *alternative;

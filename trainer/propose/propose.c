@@ -66,7 +66,7 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                               const char *path) {
     pm_draft *d = context;
     FILE *f = NULL;
-    PM_TRY(pm_files_create(&f, path));
+    PM_TRY(pm_files_create(&f, path, PM_PROPOSED));
     d->chosen = chosen;
     d->file = f;
     const pm_physics *physics = &d->p->scene->physics;
@@ -74,11 +74,10 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
     static const char *const forms[] = {"hard: both laws hold by construction",
                                         "soft: the degeneracies are a penalty",
                                         "free: no structure at all, a baseline"};
-    fprintf(
-        f,
-        "# Proposed by portmet-train propose from the units, the ports and %d trajectories of %d "
-        "states,\n# %g s apart. Form %s.\n",
-        data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
+    fprintf(f,
+            PM_PROPOSED " from the units, the ports and %d trajectories of %d "
+                        "states,\n# %g s apart. Form %s.\n",
+            data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
     fprintf(f, "# The fastest rate changes by a factor of %.3g per s, %.3g per step of %g s. ",
             d->look.fastest, d->look.fastest * physics->dt, physics->dt);
     if (d->look.decay > 0) {
@@ -189,14 +188,14 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
 // --- scenes without structure ---
 
 pm_status pm_propose_scene(const char *from, const char *path) {
-    FILE *in = fopen(from, "r"), *out = in == NULL ? NULL : fopen(path, "w");
-    if (out == NULL) {
-        const char *which = in == NULL ? from : path;
-        const char *why = strerror(errno);
-        if (in != NULL) {
-            fclose(in);
-        }
-        return pm_fail(PM_EFILE, "%s: %s", which, why);
+    FILE *in = fopen(from, "r"), *out = NULL;
+    if (in == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", from, strerror(errno));
+    }
+    pm_status status = pm_files_create(&out, path, NULL);
+    if (status != PM_OK) {
+        fclose(in);
+        return status;
     }
     char *line = NULL;
     size_t size = 0;
@@ -213,7 +212,7 @@ pm_status pm_propose_scene(const char *from, const char *path) {
     free(line);
     const bool failed = ferror(in) != 0;
     fclose(in);
-    const pm_status status = close_file(out, path);
+    status = close_file(out, path);
     return failed ? pm_fail(PM_EFILE, "%s: cannot be read", from) : status;
 }
 
@@ -295,10 +294,8 @@ pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
     // A model of the form free has no energy, which some methods need.
     const pm_integrator *own = scene->physics.integrator;
     const bool needs_energy = pm_integrator_keeps_energy(own);
-    FILE *file = fopen(path, "w");
-    if (file == NULL) {
-        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
-    }
+    FILE *file = NULL;
+    PM_TRY(pm_files_create(&file, path, NULL));
     fprintf(file,
             "# %s as one subsystem, for models without structure.\n"
             "scene: %s\n"
@@ -348,6 +345,7 @@ static pm_status write_proposal(const char *scene_path, const char *data, const 
         }
     }
     PM_TRY_DONE(pm_dataset_load(&dataset, data));
+    PM_TRY_DONE(pm_files_check_output(output, PM_PROPOSED)); // before the search, which takes time
     PM_TRY_DONE(pm_unit_change_apply(scene, dataset, true));
     // Paths in a training file are relative to its folder. Absolute paths are valid everywhere.
     scene_name = realpath(scene_path, NULL);

@@ -20,6 +20,9 @@
 #include "base/status.h"
 #include "fit/fit.h"
 
+// What a proposal writes begins so: it replaces no other file.
+#define PM_PROPOSED "# Proposed by portmet-train propose"
+
 #define PM_SEARCH_CHOICES 64
 #define PM_SEARCH_ALTERNATIVES 8
 #define PM_SEARCH_NAME 96

@@ -44,7 +44,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(pm_field_load(&own, a.fields));
     PM_TRY_DONE(pm_field_load(&known, a.known));
     PM_TRY_DONE(pm_trajectories_list(a.trajectories, known->ntrajectory, &arena, &which, &count));
-    PM_TRY_DONE(pm_files_check_output(a.output, true));
+    PM_TRY_DONE(pm_files_check_output(a.output, PM_FILES_HDF5));
     for (int i = 0; i < count && list != NULL; ++i) {
         list = pm_arena_printf(&arena, "%s%s%d", list, i > 0 ? "," : "", which[i]);
     }

@@ -17,7 +17,7 @@ import text
 from table import MOST_COLUMNS, Refused, divide, drop_unnamed, refuse_repeated_names, say, take_times
 from table import DATA, FILE
 
-MEMORY, INTERRUPTED = 11, 12  # exit codes
+USAGE, MEMORY, INTERRUPTED = 2, 11, 12  # exit codes
 EVEN = 0.01  # times that are off by less, in steps, are even: loggers round times
 FOREIGN = {
     b"SQLite format 3": "this is a database, such as a bag of ROS 2, which holds no message types",
@@ -68,9 +68,9 @@ def read(path, how):
             return matlab.read(path, how.runs) if reader is None else reader(path)
         if head[:6] == b"MATLAB" or path.lower().endswith(".mat"):
             return matlab.read(path, how.runs)
-    if head[:4] == b"\x89HDF":
-        raise Refused(FILE, f"{path}: a damaged HDF5 file")
-    run = text.read(path)
+        if head[:4] == b"\x89HDF":
+            raise Refused(FILE, f"{path}: a damaged HDF5 file")
+        run = text.read(path)
     return [run] if how.runs is None else divide(run, how.runs)
 
 
@@ -161,7 +161,11 @@ def join(words):
     how.missing = [float(word) for word in given if text.NUMBER.fullmatch(word)]
     text.set_missing(word for word in given if not text.NUMBER.fullmatch(word))
     runs, counts = [], numpy.zeros(3, dtype=int)
-    for path in files_of(how.tables):
+    paths = files_of(how.tables)
+    for path in paths:
+        if os.path.exists(how.output) and os.path.exists(path) and os.path.samefile(how.output, path):
+            raise Refused(USAGE, f"{how.output}: the program reads this file, and does not overwrite it")
+    for path in paths:
         found = read(path, how)
         for run in found:
             if len(found) > 1 and len(run.value) < 2:
