@@ -112,5 +112,9 @@ for second in 1 4; do
     fi
 done
 
+# Too few descriptors for a socket.
+(ulimit -n 7 && exec "$portmetd" run "$scene" --quiet) >"$folder/few.out" 2>"$folder/few.err"
+[ $? -eq 7 ] && grep -q "no socket: Too many open files" "$folder/few.err" || fail "seven descriptors"
+
 no_orphans "at the end" ""
 finish
