@@ -418,7 +418,7 @@ static void apply(const advice *a, changes *c, const question *q, lack lacks, ad
 static pm_status write_changed(const char *path, const char *comment, pm_yaml root, int count,
                                pm_yaml_change *list) {
     FILE *file;
-    PM_TRY(pm_files_create(&file, path));
+    PM_TRY(pm_files_create(&file, path, NULL));
     fputs(comment, file);
     pm_yaml_write_changed(root.document, count, list, file);
     const bool failed = ferror(file) != 0;
