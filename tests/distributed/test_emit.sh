@@ -81,7 +81,7 @@ execute() {
     command=$(sed -n 's/^ExecStart=//p' "$units/$2@.service")
     for variable in SCENE PROCESS OPTIONS; do
         value=$(sed -n "s/^PORTMET_$variable=//p" "$folder/hosts/$1/etc/portmet/$4.env" |
-            sed "s,/var/lib/portmet/,$folder/unit_,; s/[&,\]/\\&/g")
+            sed "s,/var/lib/portmet/,$folder/unit_,g; s/[&,\]/\\&/g")
         command=$(printf %s "$command" | sed "s,\${PORTMET_$variable},$value,; s,\$PORTMET_$variable,$value,")
     done
     launch "$4" "$command"
