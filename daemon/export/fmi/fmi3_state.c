@@ -75,12 +75,17 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance i, const fmi3Byte bytes[], size_
     if (memcmp(bytes, &sum, sizeof sum) != 0) {
         return refuse(i, "fmi3DeserializeFMUState: the bytes are damaged, or of another FMU");
     }
+    contents found;
+    memcpy(&found, bytes + sizeof(uint64_t), sizeof found);
+    if ((unsigned)found.phase > TERMINATED) {
+        return refuse(i, "fmi3DeserializeFMUState: the bytes are of no phase of an FMU");
+    }
     if (*state == NULL) {
         *state = malloc(sizeof(contents));
     }
     if (*state == NULL) {
         return refuse(i, "fmi3DeserializeFMUState: out of memory");
     }
-    memcpy(*state, bytes + sizeof(uint64_t), sizeof(contents));
+    memcpy(*state, &found, sizeof found);
     return fmi3OK;
 }
