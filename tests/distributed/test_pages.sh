@@ -68,6 +68,7 @@ howto sensors "i \[A\]: a co-energy"
 tables "t [s],q [m],v [m/s],F [N]" "y += 1e-4*(u - 8*y - 30*x)/2; x += 1e-4*y"
 howto own-csv "steps in violation: 0"
 indented README.md "## From a logger's files to processes" "steps in violation: 0"
+command -v h5diff >/dev/null && indented daemon/HOSTS.md "## Death and return" ""
 if /usr/bin/python3 -c "import numpy, h5py" 2>/dev/null; then
     cp "$source/daemon/examples/circuit.py" .
     command -v h5dump >/dev/null && marked trainer/CIRCUIT.md "power       first_cooling"
