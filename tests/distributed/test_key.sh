@@ -101,7 +101,7 @@ counted lcm "not authentic"
 # Who was not heard.
 wait $coordinator
 [ $? -eq 8 ] || fail "coordinator: expected a silent node"
-grep -q 'nodes missing after .*: left$' "$folder/coordinator.err" || fail "coordinator: names left"
+grep -q 'nodes missing after [0-9.]* s: left (with ttl=0' "$folder/coordinator.err" || fail "coordinator: names left"
 counted coordinator "not authentic"
 wait $left $right
 counted left "wrong length"

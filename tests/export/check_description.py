@@ -92,6 +92,9 @@ def check(folder):
     root = tree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
     assert root.tag == "fmiModelDescription" and root.get("fmiVersion") == "3.0"
     assert root.get("instantiationToken") and root.get("modelName")
+    assert root.get("license") and root.get("copyright") and root.get("version")
+    bounded = [v for v in root.find("ModelVariables") if v.get("max") is not None]
+    assert bounded and all(float(v.get("min")) <= float(v.get("start")) <= float(v.get("max")) for v in bounded)
     assert [e.tag for e in root] == ORDER, [e.tag for e in root]
     me, cs, units, experiment, variables, structure = root
     assert set(me.attrib) == INTERFACE and set(cs.attrib) == INTERFACE | CO_SIMULATION

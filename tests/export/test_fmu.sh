@@ -12,7 +12,7 @@ fmu() {
     mkdir -p "$folder/$1"
     (cd "$folder/$1" && cmake -E tar xf "../$1.fmu") || fail "$1.fmu is no archive"
     for file in modelDescription.xml sources/buildDescription.xml sources/fmi3.c sources/$1.c \
-        terminalsAndIcons/terminalsAndIcons.xml; do
+        terminalsAndIcons/terminalsAndIcons.xml documentation/index.html documentation/licenses/license.txt; do
         [ -s "$folder/$1/$file" ] || fail "$1.fmu lacks $file"
     done
     cc -std=c99 -Wall -Wextra -Werror -O1 -shared -fPIC -o "$folder/$1/again.so" "$folder/$1/sources/fmi3.c" \
