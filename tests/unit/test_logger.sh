@@ -299,4 +299,21 @@ succeed "columns that no other one explains may be inputs: with --inputs Tout,P 
 succeed "Tout [K]: an input; is a bath of T" propose --budget 0 --data "$folder"/weather_?.csv --inputs P,Tout -o "$folder/weather"
 ! grep -q "may be inputs" "$folder/out" || fail "propose: all inputs are named"
 
+# A pump fills an accumulator, whose gas becomes stiffer the higher its pressure is, and oil leaves through an orifice.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); p = 3 + 5*rand(); print "t [s],p [bar],Q [L/min]"
+        for (k = 0; k < 120; k++) {
+            if (k % 12 == 0) Q = 3 + 3*rand()
+            printf "%g,%.10g,%.6g\n", 0.02*k, p, Q
+            for (j = 0; j < 50; j++) { h = 0.0004; m = p + h/2*p^1.8*(Q/2 - 0.9*sqrt(p)); p += h*m^1.8*(Q/2 - 0.9*sqrt(m)) }
+        }
+    }' >"$folder/gas_$i.csv"
+done
+succeed "Q [m^3 s^-1]: an input; drives p" propose --budget 0 --data "$folder"/gas_?.csv --inputs Q -o "$folder/gas"
+grep -q "isothermal_p" "$folder/gas/training.yaml" || fail "propose: expected a law of gas"
+succeed "Verdict: " fit "$folder/gas/training.yaml" -o "$folder/gas/weights"
+error=$(awk '$1 == "system" && $2 == "p" { print $8 }' "$folder/out")
+[ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.2) }')" = 1 ] || fail "fit: expected errors below 0.2 %, found $error"
+
 finish

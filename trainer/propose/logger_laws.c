@@ -176,6 +176,17 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
     const double d = fmax(fabs(y->least), fabs(y->largest));
     pm_logger_constant(w, "more", name, SMALL * inertia);
     fprintf(w->model, "      - \"more_%s*%s^4/%.4g\"\n", name, name, 4 * 3 * d * d);
+    const pm_unit pressure = pm_unit_parse("Pa");
+    if (pm_unit_equal(&y->dimension, &pressure) && y->least > SMALL * y->largest) {
+        // Gas under pressure p has a capacity of p^-2 at constant temperature, and of less high
+        // powers without exchange of heat.
+        pm_logger_constant(w, "isothermal", name, SMALL * inertia);
+        pm_logger_constant(w, "polytropic", name, SMALL * inertia);
+        fprintf(w->model,
+                "      - \"isothermal_%s*%.6g*ln(%.6g/%s)\"\n"
+                "      - \"-polytropic_%s*%.6g*sqrt(%s)\"\n",
+                name, y->mean * y->mean, y->mean, name, name, 4 * pow(y->mean, 1.5), name);
+    }
     for (int k = 0; k < BENDS + 2; ++k) {
         static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
         char n[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], root[3 * PM_LOGGER_TEXT];
