@@ -21,7 +21,7 @@
 #define JUMPS 0.2       // of the changes: a column jumps with an input that explains so much
 #define FEWEST_AT_TOP 5 // steps in which a sensor that saturates stays at its largest value
 #define SELDOM_EQUAL 0.05
-#define ROOM 293.15     // K
+#define ROOM 293.15 // K
 
 static bool has_unit(const pm_logger_column *c, const char *unit) {
     const pm_unit other = pm_unit_parse(unit);
@@ -796,8 +796,8 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
 
 // --- the whole ---
 
-// Returns whether the sensor of a column shows no more than its largest value: it mostly stays there
-// once it gets there, and hardly ever stays at another value.
+// Returns whether the sensor of a column shows no more than its largest value: it mostly stays
+// there once it gets there, and hardly ever stays at another value.
 static bool saturates(const pm_logger_samples *w, int c) {
     const pm_dataset *d = w->view->dataset;
     const double top = w->view->column[c].largest;
