@@ -73,6 +73,37 @@ done
 succeed "y_rate" propose --data "$folder"/wells_?.csv --budget 0 -o "$folder/wells"
 ! grep -q "exp(0" "$folder/wells/training.yaml" || fail "propose: the mass is constant"
 
+# A capacitor behind a resistor, whose voltmeter shows no more than 10 V.
+for i in 1 2 3 4 5; do
+    awk -v seed=$i 'BEGIN {
+        srand(seed); x = 4*rand(); print "t [s],y [V],u [V]"
+        for (k = 0; k < 100; k++) {
+            if (k % 8 == 0) u = 9*int(3*rand())
+            printf "%d,%.5f,%g\n", k, x < 10 ? x : 10, u
+            for (j = 0; j < 50; j++) x += 0.02*0.12*(0.8*u - x)
+        }
+    }' >"$folder/rail_$i.csv"
+done
+succeed "y \[V\]: a co-energy; its sensor saturates at 10" propose --budget 0 --data "$folder"/rail_?.csv --inputs u -o "$folder/rail"
+succeed "Verdict: good" fit "$folder/rail/training.yaml" -o "$folder/rail/weights"
+
+# One record of the lower of two tanks. The upper one, which a pump fills, spills over, half of it into the lower one: short
+# windows mislead the fit, and whole trajectories do not.
+awk 'BEGIN {
+    srand(3); a = 4; b = 4; print "t [s],y [V],u [V]"
+    for (k = 0; k < 300; k++) {
+        if (k % 12 == 0) u = 1 + 5*rand()
+        printf "%d,%.4f,%.4f\n", 4*k, b, u
+        for (j = 0; j < 40; j++) {
+            spill = a > 9 ? 0.2*(a - 9) : 0
+            out = 0.06*sqrt(a); a += 0.1*(0.05*u - out - spill); b += 0.1*(out + spill/2 - 0.075*sqrt(b))
+        }
+    }
+}' >"$folder/spill.csv"
+succeed "wrote" propose --data "$folder/spill.csv" --inputs u -o "$folder/spill"
+grep -q "^# \* y: a hidden level falls and spills into it" "$folder/spill/training.yaml" || fail "propose: expected a level that spills over"
+succeed "y: residual 0.0" fit "$folder/spill/training.yaml" -o "$folder/spill/weights"
+
 # Two coils of a transformer: the voltage at one of them moves both currents, through an inductance that they share.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

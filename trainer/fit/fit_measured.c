@@ -27,7 +27,8 @@
 // The attempt whose first windows are whole trajectories. Where the model is wrong by more than the
 // noise, free starts of hidden components hide that in short windows, and lead the weights astray.
 #define LONG_ATTEMPT 1
-#define MISLED 4.0 // residuals over noise, where hidden components are fitted
+#define MISLED 4.0        // residuals over noise, where hidden components are fitted
+#define LEAST_MISLED 1e-2 // of the deviation: residuals that are smaller mislead nobody
 // Of the residual and of the part of a trajectory that the last windows do not have: half of it at
 // least, unless windows became whole trajectories.
 #define STOPPED 0.5
@@ -756,7 +757,8 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             return p->loss > 0 ? PM_OK
                                : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
         }
-        const bool good = p->loss > 0 && p->loss < UNLUCKY && !(p->attempt == 0 && misled(f, s));
+        const bool doubted = p->attempt == 0 && residual > LEAST_MISLED && misled(f, s);
+        const bool good = p->loss > 0 && p->loss < UNLUCKY && !doubted;
         const bool best = p->best_done == p->attempt && p->loss > 0;
         if ((good && best) || last || f->training->plain || f->size == 0 ||
             (p->attempt + 1 == MOST_ATTEMPTS && best)) {
