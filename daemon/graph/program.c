@@ -465,10 +465,6 @@ void pm_program_run(pm_program *program, int batch) {
     pm_program_run_prepared(program, batch);
 }
 
-bool pm_program_is_compiled(const pm_program *program) {
-    return program->kernel != NULL;
-}
-
 size_t pm_program_bytes(const pm_program *program) {
     return program->memory_size * sizeof(double);
 }

@@ -41,9 +41,6 @@ void pm_program_run(pm_program *program, int batch);
 void pm_program_prepare(pm_program *program);
 void pm_program_run_prepared(pm_program *program, int batch);
 
-// Returns true if compiled code runs the program (compile.h).
-bool pm_program_is_compiled(const pm_program *program);
-
 // Returns the bytes of planned memory.
 size_t pm_program_bytes(const pm_program *program);
 

@@ -39,7 +39,7 @@ static void show_inputs(const pm_model *m, pm_data *d) {
     }
 }
 
-void pm_prescribe(const pm_model *m, pm_data *d, double share) {
+static void prescribe(const pm_model *m, pm_data *d, double share) {
     prescribe_at(d, share, d->prescribed);
     show_inputs(m, d);
 }
@@ -91,7 +91,7 @@ static void add_end_rates(const pm_model *m, pm_data *d, const pm_port_group *gr
     const pm_port_group_end *end = &group->end[e];
     const pm_lane_places places = places_of(end, 0);
     if (group->outside) {
-        pm_prescribe(m, d, 1);
+        prescribe(m, d, 1);
     }
     gather(d, group, 0, e, changed);
     pm_program_run_prepared(group->law, 1);
@@ -207,7 +207,7 @@ void pm_couple(const pm_model *m, pm_data *d, double weight) {
             add_end_rates(m, d, group, end_rates_of);
             prescribed = prescribed && !group->outside;
         } else if (group->outside && !prescribed) {
-            pm_prescribe(m, d, pm_integrator_time(m->integrator, d->stage));
+            prescribe(m, d, pm_integrator_time(m->integrator, d->stage));
             prescribed = true;
         }
         for (int block = 0; block < group->nblock; ++block) {

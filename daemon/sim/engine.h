@@ -5,7 +5,6 @@
 //     model.c   groups subsystems and ports, lays out their arrays, opens the graphs of laws
 //     couple.c  evaluates the laws of ports
 //     method.c  what each family of integrators does in a round: Runge-Kutta, discrete gradient
-//     fused.c   small scenes as one program
 //     step.c    the rounds of a step, its end, results, and checkpoints
 // Calls go in one direction: step.c calls method.c, couple.c and model.c; model.c calls kind.c.
 //
@@ -46,7 +45,6 @@ typedef enum pm_shown {
 typedef struct pm_kind pm_kind;
 typedef struct pm_method pm_method;
 typedef struct pm_model pm_model;
-typedef struct pm_fused pm_fused;
 typedef struct pm_data pm_data;
 
 // Subsystems with the same model. The graphs compute one block. A result that is identically zero
@@ -164,7 +162,6 @@ struct pm_model {
     int64_t port_lanes, rates; // lanes of ports, and components of the rates of both ends
     int nblock, nport_block, most_nz, most_nport;
     bool needs_end_rates; // of a body at some end
-    pm_fused *fused;      // NULL: the scene is not fused
     // Every subsystem has its ports in the order of the groups of ports. Otherwise the rates of all
     // ports are kept, and added port by port in the scene's order.
     bool ordered;
@@ -290,8 +287,6 @@ const pm_kind *pm_kind_of(const pm_model *m, int id);
 // Adds the rates of all ports to d->k, and their fluxes, times `weight`, to those of the step. Then
 // turns all rates, which are those of energy variables, into rates of the states.
 void pm_couple(const pm_model *m, pm_data *d, double weight);
-// Lets all boundary inputs show their values after a share (0 to 1) of the substep.
-void pm_prescribe(const pm_model *m, pm_data *d, double share);
 
 // --- method.c ---
 
@@ -315,28 +310,7 @@ static inline bool pm_is_first_round(const pm_data *d) {
 static inline double *pm_stage_rates(const pm_model *m, const pm_data *d) {
     return d->k + (d->iteration != NULL ? 0 : d->stage * m->size);
 }
-// Returns memory for the state of the next stage, which may be that of this one.
-double *pm_next_stage(const pm_data *d);
-// Marks what the ghosts show as known, until they show something else.
-void pm_rest_ghosts(const pm_model *m, const pm_data *d);
 // Exposes all subsystems at d->z, as if they had never been exposed. `run`: a run begins there.
 void pm_expose_all(const pm_model *m, pm_data *d, bool run);
-
-// --- fused.c ---
-
-// Fuses a small scene that is compiled, and stepped in one process by an explicit method.
-// PM_ENOMEM.
-pm_status pm_fused_open(pm_model *m);
-void pm_fused_close(pm_model *m);
-void pm_fused_prepare(const pm_model *m); // when a run begins
-// Returns true if the present step is taken by these functions. Called in each round.
-bool pm_fused_serves(const pm_model *m, const pm_data *d);
-// Computes what the subsystems show at this stage, and the rates of bulk terms and ports, and adds
-// the fluxes, times `weight`, to those of the step.
-void pm_fused_rates(const pm_model *m, pm_data *d, double weight);
-// Computes the states of the next stage, which is not the end of a step. There the method's own
-// function exposes the subsystems, and pm_fused_refresh those that it found at rest.
-void pm_fused_advance(const pm_model *m, pm_data *d);
-void pm_fused_refresh(const pm_model *m, pm_data *d);
 
 #endif

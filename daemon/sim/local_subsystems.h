@@ -94,8 +94,6 @@ void pm_local_subsystems_set_boundary(pm_local_subsystems *local, int remote,
                                       const pm_port_values *values);
 void pm_local_subsystems_couple(pm_local_subsystems *local);
 void pm_local_subsystems_advance(pm_local_subsystems *local);
-// Takes a whole round of subsystems without remote ends, of which a small scene is one program.
-void pm_local_subsystems_round(pm_local_subsystems *local);
 // Ends a step after its last round. PM_ENUMERIC: a state or a potential is not finite, a state is
 // further outside the training range than the scene's guard allows, or a solid found no balance of
 // forces. PM_EDATA: the dataset behind a boundary input is over. On failure all states are those of

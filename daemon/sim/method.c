@@ -45,7 +45,8 @@ static void check_block(const pm_model *m, pm_data *d, const pm_subsystem_group 
     }
 }
 
-void pm_rest_ghosts(const pm_model *m, const pm_data *d) {
+// Marks what the ghosts show as known, until they show something else.
+static void rest_ghosts(const pm_model *m, const pm_data *d) {
     for (int i = 0; i < PM_SHOWN_COUNT; ++i) {
         memset(d->changed[i] + m->own_lanes, 0,
                (size_t)(m->lanes - m->own_lanes) * sizeof *d->changed[i]);
@@ -194,15 +195,11 @@ static void project(const pm_model *m, pm_data *d, const pm_subsystem_group *gro
 
 // --- Runge-Kutta ---
 
-double *pm_next_stage(const pm_data *d) {
-    return d->stage_z == d->z ? free_state(d) : d->stage_z;
-}
-
 static void advance_stage(const pm_model *m, pm_data *d) {
     const pm_integrator *rk = m->integrator;
     const bool last = d->stage + 1 == rk->nstage, ends_step = last && d->substep + 1 == d->substeps;
     const double *before = d->stage_z;
-    d->stage_z = pm_next_stage(d);
+    d->stage_z = d->stage_z == d->z ? free_state(d) : d->stage_z;
     d->shown[PM_SHOWN_Z] = d->stage_z;
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
@@ -229,7 +226,7 @@ static void advance_stage(const pm_model *m, pm_data *d) {
         }
     }
     ++d->exposure_calls;
-    pm_rest_ghosts(m, d);
+    rest_ghosts(m, d);
     d->stage = last ? 0 : d->stage + 1;
     d->substep += last;
     d->z = last ? d->stage_z : d->z;
@@ -320,7 +317,7 @@ static void halve(const pm_model *m, pm_data *d) {
         expose_iterate(m, d, group, false);
     }
     ++d->exposure_calls;
-    pm_rest_ghosts(m, d);
+    rest_ghosts(m, d);
 }
 
 // Ends a piece of the substep, for all subsystems in the same round. Two pieces that were one make
@@ -398,7 +395,7 @@ static void advance_iteration(const pm_model *m, pm_data *d) {
     }
     d->doubtful = d->doubtful || (ends_step && d->unsolved > 0);
     ++d->exposure_calls;
-    pm_rest_ghosts(m, d);
+    rest_ghosts(m, d);
 }
 
 // --- the start of a run ---

@@ -550,7 +550,6 @@ pm_status pm_model_open(pm_model *m, pm_data *d, const pm_system *system, int co
     for (int i = 0; i < m->nport_group; ++i) {
         PM_TRY_DONE(open_port_group(m, &m->port_group[i]));
     }
-    PM_TRY_DONE(pm_fused_open(m));
     PM_TRY_DONE(system->compiled ? pm_compiler_link(m->compiler) : PM_OK);
     m->ordered = true; // does every subsystem have its ports in the order of the groups?
     const pm_physics *physics = &system->scene->physics;
@@ -570,7 +569,6 @@ done:
 }
 
 void pm_model_close(pm_model *m) {
-    pm_fused_close(m);
     for (int i = 0; i < m->ngroup && m->group != NULL; ++i) {
         m->group[i].kind->close(&m->group[i]);
     }

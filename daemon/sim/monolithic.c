@@ -76,7 +76,9 @@ void pm_monolithic_record(pm_monolithic *monolithic, pm_serializer *serializer) 
 pm_status pm_monolithic_step(pm_monolithic *monolithic) {
     pm_monolithic *m = monolithic;
     while (!pm_local_subsystems_completes_step(m->subsystems)) {
-        pm_local_subsystems_round(m->subsystems);
+        pm_local_subsystems_bulk(m->subsystems);
+        pm_local_subsystems_couple(m->subsystems);
+        pm_local_subsystems_advance(m->subsystems);
     }
     PM_TRY(pm_local_subsystems_end_step(m->subsystems));
     m->before = m->controller;

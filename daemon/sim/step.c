@@ -108,7 +108,6 @@ static void start(const pm_model *m, pm_data *d) {
             pm_program_prepare(m->port_group[i].law);
         }
     }
-    pm_fused_prepare(m);
     pm_expose_all(m, d, true);
     // All counts and fluxes are those of step 0.
     const size_t lanes = (size_t)m->own_lanes;
@@ -281,18 +280,14 @@ static double round_weight(const pm_model *m, const pm_data *d) {
     return ldexp(weight / d->substeps, -d->halvings);
 }
 
-static void begin_round(const pm_model *m, pm_data *d) {
-    if (!d->before.begun || d->before.step < d->step) {
-        begin_step(m, d);
-    }
-}
-
 void pm_local_subsystems_bulk(pm_local_subsystems *local) {
     const pm_model *m = &local->model;
     pm_data *d = &local->data;
     double *k = pm_stage_rates(m, d);
     const double weight = round_weight(m, d);
-    begin_round(m, d);
+    if (!d->before.begun || d->before.step < d->step) {
+        begin_step(m, d);
+    }
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         for (int block = 0; block < group->nblock; ++block) {
@@ -337,25 +332,6 @@ void pm_local_subsystems_couple(pm_local_subsystems *local) {
 
 void pm_local_subsystems_advance(pm_local_subsystems *local) {
     local->model.method->advance(&local->model, &local->data);
-}
-
-void pm_local_subsystems_round(pm_local_subsystems *local) {
-    const pm_model *m = &local->model;
-    pm_data *d = &local->data;
-    if (!pm_fused_serves(m, d)) {
-        pm_local_subsystems_bulk(local);
-        pm_local_subsystems_couple(local);
-        pm_local_subsystems_advance(local);
-        return;
-    }
-    begin_round(m, d);
-    pm_fused_rates(m, d, round_weight(m, d));
-    if (d->substep + 1 < d->substeps || d->stage + 1 < m->integrator->nstage) {
-        pm_fused_advance(m, d);
-    } else {
-        pm_local_subsystems_advance(local);
-        pm_fused_refresh(m, d);
-    }
 }
 
 // --- the end of a step ---
