@@ -428,25 +428,6 @@ pm_node pm_scatter_add_rows(pm_graph *g, pm_node x, int rows, int count, const i
     return row_operation(g, PM_OP_SCATTER_ADD_ROWS, x, rows, count, index);
 }
 
-// Reverse accumulation gives s -> s^T dy/dx for any s. It is linear in s, so that its own
-// derivative by s along dx is dy/dx dx.
-pm_node pm_tangent(pm_graph *g, pm_node y, int count, const pm_node *x, const pm_node *dx) {
-    const pm_shape shape = pm_graph_shape(g, y);
-    pm_node sum = PM_NO_NODE;
-    for (int i = 0; i < count; ++i) {
-        const pm_node seed = pm_input(g, shape.batched, shape.rows, shape.cols);
-        pm_node slope = PM_NO_NODE, along = PM_NO_NODE;
-        if (x[i] != PM_NO_NODE && dx[i] != PM_NO_NODE) {
-            pm_gradient(g, y, seed, 1, &x[i], &slope);
-        }
-        if (slope != PM_NO_NODE) {
-            pm_gradient(g, slope, dx[i], 1, &seed, &along);
-        }
-        sum = pm_add_or(g, sum, along);
-    }
-    return sum;
-}
-
 // --- combinations ---
 
 pm_node pm_add_or(pm_graph *g, pm_node a, pm_node b) {

@@ -559,3 +559,22 @@ void pm_gradient(pm_graph *g, pm_node y, pm_node seed, int count, const pm_node 
 done:
     pm_arena_free(&scratch);
 }
+
+// Reverse accumulation gives s -> s^T dy/dx for any s. It is linear in s, so that its own
+// derivative by s along dx is dy/dx dx.
+pm_node pm_tangent(pm_graph *g, pm_node y, int count, const pm_node *x, const pm_node *dx) {
+    const pm_shape shape = pm_graph_shape(g, y);
+    pm_node sum = PM_NO_NODE;
+    for (int i = 0; i < count; ++i) {
+        const pm_node seed = pm_input(g, shape.batched, shape.rows, shape.cols);
+        pm_node slope = PM_NO_NODE, along = PM_NO_NODE;
+        if (x[i] != PM_NO_NODE && dx[i] != PM_NO_NODE) {
+            pm_gradient(g, y, seed, 1, &x[i], &slope);
+        }
+        if (slope != PM_NO_NODE) {
+            pm_gradient(g, slope, dx[i], 1, &seed, &along);
+        }
+        sum = pm_add_or(g, sum, along);
+    }
+    return sum;
+}

@@ -9,7 +9,6 @@
 #include <unistd.h>
 
 #include "base/lanes.h"
-#include "library/fleet_gradient.h"
 #include "library/rates.h"
 #include "sim/lanes.h"
 
@@ -112,7 +111,9 @@ void pm_fleet_close(pm_fleet *fleet) {
         pm_rates_close(&fleet->worker[i].rates);
         pm_rates_close(&fleet->worker[i].potentials);
     }
-    pm_fleet_gradient_close(fleet->gradient);
+    if (fleet->gradient != NULL) {
+        fleet->close_gradient(fleet->gradient);
+    }
     pthread_mutex_destroy(&fleet->lock);
     pm_arena_free(&fleet->arena);
 }

@@ -49,7 +49,10 @@ typedef struct pm_fleet {
     void *context;
     int64_t nshared;
     atomic_llong next;
-    struct pm_fleet_gradient *gradient; // of fleet_gradient.c; NULL: nobody has asked for one
+    // What derivatives of rollouts keep (fleet_gradient.h), and what closes it; NULL: nothing is
+    // kept.
+    struct pm_fleet_gradient *gradient;
+    void (*close_gradient)(struct pm_fleet_gradient *gradient);
 } pm_fleet;
 
 // Opens `count` copies of a completed setup, which is borrowed, at its initial state. `threads`

@@ -81,12 +81,10 @@ static void close_programs(pm_fleet_gradient *f, int nworker) {
     }
 }
 
-void pm_fleet_gradient_close(pm_fleet_gradient *gradient) {
-    if (gradient != NULL) {
-        close_programs(gradient, gradient->nworker);
-        pm_arena_free(&gradient->arena);
-        free(gradient);
-    }
+static void close_gradient(pm_fleet_gradient *gradient) {
+    close_programs(gradient, gradient->nworker);
+    pm_arena_free(&gradient->arena);
+    free(gradient);
 }
 
 // Opens the programs of some tasks, for all workers, unless they are open.
@@ -96,6 +94,7 @@ static pm_status open_tasks(pm_fleet *fleet, int ntask, const pm_rates_task *tas
         if (f == NULL) {
             return pm_fail(PM_ENOMEM, "out of memory for derivatives");
         }
+        fleet->close_gradient = close_gradient;
         f->nworker = fleet->nworker;
         f->lanes = pm_rates_lanes(fleet->count);
         f->nweight = list_matrices(fleet->setup->system, &f->nmatrix, NULL);
@@ -145,7 +144,7 @@ typedef struct space {
 typedef struct call {
     pm_fleet *fleet;
     pm_fleet_gradient *f;
-    const pm_rollout *rollout;
+    const pm_fleet_rollout *rollout;
     const pm_integrator *rk;
     bool weights;
     double h;                  // s, of a substep
@@ -157,15 +156,15 @@ typedef struct call {
 } call;
 
 // A block of copies in the lanes of a worker.
-typedef struct block {
+typedef struct copy_block {
     const call *call;
     const space *space;
     pm_copies copies;
     pm_rates *program; // [PM_RATES_TASKS][2]
     int nz, size;      // size: nz lanes
-} block;
+} copy_block;
 
-static pm_rates *program_of(const block *b, pm_rates_task task) {
+static pm_rates *program_of(const copy_block *b, pm_rates_task task) {
     return &b->program[2 * task + (b->call->weights && task != PM_RATES)];
 }
 
@@ -176,7 +175,7 @@ static void add(int n, const double *x, double *sum) {
 }
 
 // Lets the programs see the inputs of a piece.
-static void begin_piece(block *b, int64_t piece) {
+static void begin_piece(copy_block *b, int64_t piece) {
     const pm_fleet *fleet = b->call->fleet;
     const double *input = b->call->rollout->input;
     const int n = fleet->setup->scene->physics.nprescribed;
@@ -184,12 +183,12 @@ static void begin_piece(block *b, int64_t piece) {
 }
 
 // Copies a result, or zeros if it is NULL.
-static void copy_state(const block *b, const double *from, double *to) {
+static void copy_state(const copy_block *b, const double *from, double *to) {
     memcpy(to, from == NULL ? b->space->zero : from, (size_t)b->size * sizeof *to);
 }
 
 // Takes substep number s from z to z, and keeps the states of its stages in stage [nstage].
-static void take_substep(block *b, int64_t s, double *stage) {
+static void take_substep(copy_block *b, int64_t s, double *stage) {
     const space *w = b->space;
     begin_piece(b, s / b->call->piece);
     pm_rates_substep(program_of(b, PM_RATES), &b->copies, s, w->z, w->k, stage, b->size);
@@ -198,7 +197,7 @@ static void take_substep(block *b, int64_t s, double *stage) {
 // Takes the adjoint of the state back through substep number s, whose stages have the states stage
 // [nstage]:
 //     mu_i = h (b_i lambda + sum_{j > i} a_ji nu_j),   nu_i = k_z^T mu_i,   lambda += sum_i nu_i
-static void reverse_substep(block *b, int64_t s, const double *stage) {
+static void reverse_substep(copy_block *b, int64_t s, const double *stage) {
     const space *w = b->space;
     const pm_integrator *rk = b->call->rk;
     pm_rates *p = program_of(b, PM_ADJOINT);
@@ -230,12 +229,12 @@ static void reverse_substep(block *b, int64_t s, const double *stage) {
     pm_copies_combine(&b->copies, rk->nstage, weight, 1, lambda, w->nu, lambda);
 }
 
-static void begin_block(block *b, const call *c, int worker, int64_t number) {
+static void begin_block(copy_block *b, const call *c, int worker, int64_t number) {
     const pm_fleet *fleet = c->fleet;
     const space *w = &c->space[worker];
     const int lanes = c->f->lanes;
     const int64_t first = number * lanes, left = fleet->count - first;
-    *b = (block){.call = c, .space = w, .program = &c->f->program[worker * PROGRAMS]};
+    *b = (copy_block){.call = c, .space = w, .program = &c->f->program[worker * PROGRAMS]};
     b->copies = (pm_copies){.setup = fleet->setup,
                             .lanes = lanes,
                             .used = left < lanes ? (int)left : lanes,
@@ -254,7 +253,7 @@ static void begin_block(block *b, const call *c, int worker, int64_t number) {
 
 static void reverse_block(void *context, int worker, int64_t number) {
     const call *c = context;
-    block b;
+    copy_block b;
     begin_block(&b, c, worker, number);
     const space *w = b.space;
     const int n = c->fleet->setup->scene->physics.nprescribed;
@@ -295,7 +294,7 @@ static void reverse_block(void *context, int worker, int64_t number) {
 
 static void forward_block(void *context, int worker, int64_t number) {
     const call *c = context;
-    block b;
+    copy_block b;
     begin_block(&b, c, worker, number);
     const space *w = b.space;
     const pm_integrator *rk = c->rk;
@@ -370,7 +369,7 @@ static pm_status take(call *c, int ntask, const pm_rates_task *tasks,
                       void (*work)(void *context, int worker, int64_t block)) {
     pm_fleet *fleet = c->fleet;
     const pm_scene *scene = fleet->setup->scene;
-    const pm_rollout *r = c->rollout;
+    const pm_fleet_rollout *r = c->rollout;
     if (r->pieces < 1 || r->steps < 1 || r->pieces > MOST_SUBSTEPS / r->steps ||
         r->pieces * r->steps > MOST_SUBSTEPS / scene->physics.substeps) {
         return pm_fail(PM_EUSAGE,
@@ -411,7 +410,7 @@ done:
     return status;
 }
 
-pm_status pm_fleet_vjp(pm_fleet *fleet, const pm_rollout *rollout, const double *seed,
+pm_status pm_fleet_vjp(pm_fleet *fleet, const pm_fleet_rollout *rollout, const double *seed,
                        double *by_start, double *by_input, double *by_weight) {
     call c = {.fleet = fleet,
               .rollout = rollout,
@@ -421,7 +420,7 @@ pm_status pm_fleet_vjp(pm_fleet *fleet, const pm_rollout *rollout, const double 
     return take(&c, 2, (const pm_rates_task[]){PM_RATES, PM_ADJOINT}, reverse_block);
 }
 
-pm_status pm_fleet_jvp(pm_fleet *fleet, const pm_rollout *rollout, const double *d_start,
+pm_status pm_fleet_jvp(pm_fleet *fleet, const pm_fleet_rollout *rollout, const double *d_start,
                        const double *d_input, const double *d_weight, double *z, double *dz) {
     call c = {.fleet = fleet,
               .rollout = rollout,

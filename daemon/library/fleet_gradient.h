@@ -13,11 +13,11 @@
 
 typedef struct pm_fleet_gradient pm_fleet_gradient;
 
-typedef struct pm_rollout {
+typedef struct pm_fleet_rollout {
     int64_t pieces, steps;
     const double *start; // [count][nz]; NULL: the present states of the fleet
     const double *input; // [pieces][count][nprescribed] as in pm_fleet; NULL: the fleet's, always
-} pm_rollout;
+} pm_fleet_rollout;
 
 // Returns the number of weights of a system: all numbers that training may change, subsystem by
 // subsystem, then port by port, without those that another component owns.
@@ -33,14 +33,12 @@ pm_status pm_fleet_weight_names(const pm_system *system, int *count, const char 
 // [count][pm_fleet_weights]. The last two may be NULL. Copies that have ended take part, too. The
 // fleet stays as it is, but keeps programs and their memory. PM_EUSAGE: a number is out of range.
 // PM_ECONFIG: the integrator is none of euler, heun, rk4 and rk6, or has a tolerance. PM_ENOMEM.
-pm_status pm_fleet_vjp(pm_fleet *fleet, const pm_rollout *rollout, const double *seed,
+pm_status pm_fleet_vjp(pm_fleet *fleet, const pm_fleet_rollout *rollout, const double *seed,
                        double *by_start, double *by_input, double *by_weight);
 // Computes the states at the ends of all pieces z [pieces][count][nz], and their derivatives dz of
 // this shape along directions of start, inputs and weights, in the shapes above; NULL: zero. Fails
 // as pm_fleet_vjp does.
-pm_status pm_fleet_jvp(pm_fleet *fleet, const pm_rollout *rollout, const double *d_start,
+pm_status pm_fleet_jvp(pm_fleet *fleet, const pm_fleet_rollout *rollout, const double *d_start,
                        const double *d_input, const double *d_weight, double *z, double *dz);
-
-void pm_fleet_gradient_close(pm_fleet_gradient *gradient); // NULL is allowed
 
 #endif

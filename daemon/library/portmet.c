@@ -569,7 +569,7 @@ int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *co
 int portmet_fleet_vjp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
                       const double *inputs, const double *seed, double *by_start, double *by_inputs,
                       double *by_weights) {
-    const pm_rollout rollout = {pieces, steps, start, inputs};
+    const pm_fleet_rollout rollout = {pieces, steps, start, inputs};
     if (enter_fleet(fleet, 0) != PM_OK) {
         return PORTMET_EUSAGE;
     }
@@ -580,7 +580,7 @@ int portmet_fleet_vjp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const
 int portmet_fleet_jvp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
                       const double *inputs, const double *d_start, const double *d_inputs,
                       const double *d_weights, double *states, double *d_states) {
-    const pm_rollout rollout = {pieces, steps, start, inputs};
+    const pm_fleet_rollout rollout = {pieces, steps, start, inputs};
     if (enter_fleet(fleet, 0) != PM_OK) {
         return PORTMET_EUSAGE;
     }

@@ -69,13 +69,13 @@ static pm_status load(const char *path, const pm_scene *scene, pm_arena *arena, 
     return status;
 }
 
-typedef struct trial {
+typedef struct protected_load {
     const char *path;
     const pm_scene *scene;
-} trial;
+} protected_load;
 
 static void try_load(const void *context) {
-    const trial *what = context;
+    const protected_load *what = context;
     pm_arena arena = {0};
     double *value;
     int64_t steps;
@@ -88,7 +88,7 @@ pm_status pm_live_replay_load(const char *path, const pm_scene *scene, pm_arena 
     if (scene->network.nlive == 0) {
         return pm_fail(PM_ECONFIG, "scene %s has no live inputs to be replayed", scene->name);
     }
-    const trial context = {path, scene};
+    const protected_load context = {path, scene};
     PM_TRY(pm_hdf5_try(path, try_load, &context));
     return load(path, scene, arena, value, steps);
 }

@@ -243,7 +243,7 @@ static void saved_copies_go_on(void **state) {
 typedef struct derived {
     int64_t count;
     int ninput, nweight;
-    pm_rollout rollout;
+    pm_fleet_rollout rollout;
     double *input, *seed, *d_start, *d_input, *d_weight; // as in fleet_gradient.h
     double *z, *dz, *by_start, *by_input, *by_weight;
 } derived;
@@ -266,7 +266,7 @@ static void derive(derived *d, pm_fleet *fleet, int64_t pieces, int64_t steps) {
     d->by_start = some(n * nz, 0);
     d->by_input = some(inputs, 0);
     d->by_weight = some(n * d->nweight, 0);
-    d->rollout = (pm_rollout){pieces, steps, NULL, d->input};
+    d->rollout = (pm_fleet_rollout){pieces, steps, NULL, d->input};
     const pm_status status[] = {
         pm_fleet_jvp(fleet, &d->rollout, d->d_start, d->d_input, d->d_weight, d->z, d->dz),
         pm_fleet_vjp(fleet, &d->rollout, d->seed, d->by_start, d->by_input, d->by_weight)};
@@ -439,8 +439,8 @@ static void wrong_rollouts_are_refused(void **state) {
         double z[NZ] = {0};
         open_setup(&setup, methods[m]);
         open_fleet(&fleet, &setup, 1, 1);
-        const pm_rollout good = {1, 1, NULL, NULL}, empty = {1, 0, NULL, NULL};
-        const pm_rollout long_one = {INT64_MAX / 2, 4, NULL, NULL};
+        const pm_fleet_rollout good = {1, 1, NULL, NULL}, empty = {1, 0, NULL, NULL};
+        const pm_fleet_rollout long_one = {INT64_MAX / 2, 4, NULL, NULL};
         assert_int_equal(pm_fleet_vjp(&fleet, &good, z, z, NULL, NULL), m < 2 ? PM_OK : PM_ECONFIG);
         assert_int_equal(pm_fleet_vjp(&fleet, &empty, z, z, NULL, NULL), PM_EUSAGE);
         assert_int_equal(pm_fleet_vjp(&fleet, &long_one, z, z, NULL, NULL), PM_EUSAGE);

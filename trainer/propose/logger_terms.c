@@ -273,7 +273,6 @@ static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, e
 // with its product with the temperature, would else be taken for other surroundings.
 static void correct_leaks(const pm_logger_samples *w, equations *work) {
     pm_logger_view *v = w->view;
-    bool any = false;
     for (int i = 0; i < v->nvariable; ++i) {
         term_list list = {0};
         double x[MOST];
@@ -288,7 +287,6 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
         if (!(gain_of(w, i, &list, 0, work, x) > GAINS)) {
             continue;
         }
-        any = true;
         v->column[i].constant = x[0];
         for (int j = 0; j < v->ncolumn; ++j) {
             const double deviation = v->column[j].deviation > 0 ? v->column[j].deviation : 1;
@@ -296,9 +294,6 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
             v->column[i].constant -= v->coupling[i][j] * v->column[j].mean;
         }
         v->column[i].decay = -v->coupling[i][i];
-    }
-    if (any) {
-        pm_logger_find_surroundings(v);
     }
 }
 

@@ -512,7 +512,9 @@ static void find_actions(pm_logger_view *view) {
     }
 }
 
-void pm_logger_find_surroundings(pm_logger_view *view) {
+// Finds which temperatures tend towards surroundings that no input describes, and how warm these
+// are, from the couplings and the constant rates of the view.
+static void find_surroundings(pm_logger_view *view) {
     double sum = 0, weight = 0;
     for (int i = 0; i < view->nvariable; ++i) {
         const pm_logger_column *c = &view->column[i];
@@ -561,8 +563,7 @@ static bool find_mutual(pm_logger_view *view, const pm_logger_action *action) {
 }
 
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
-// known power acts, or that which makes couplings of two co-energies equal and opposite. Finds the
-// temperature of the surroundings, too.
+// known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     bool known[PM_LOGGER_COLUMNS] = {false};
@@ -669,7 +670,6 @@ static void find_scales(pm_logger_samples *w) {
         }
     }
     view->naction = kept;
-    pm_logger_find_surroundings(view);
 }
 
 // --- parts ---
@@ -933,6 +933,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     find_actions(view);
     find_scales(&w);
     PM_TRY_DONE(pm_logger_find_terms(&w));
+    find_surroundings(view);
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
     if (status != PM_OK) {

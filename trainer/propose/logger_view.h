@@ -168,8 +168,4 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
                          const pm_logger_hints *hints);
 void pm_logger_view_free(pm_logger_view *view);
 
-// Finds which temperatures tend towards surroundings that no input describes, and how warm these
-// are, from the couplings and the constant rates of the view.
-void pm_logger_find_surroundings(pm_logger_view *view);
-
 #endif
