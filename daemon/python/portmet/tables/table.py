@@ -94,6 +94,7 @@ def find_time(run, given):
         same += [i for wanted in TIME_NAMES for i in may if run.names[i].lower() == wanted and run.names[i] != "T"]
         same += [i for i in may if SUFFIXED.fullmatch(run.names[i]) or run.names[i] in run.stamps]
         same += [i for i in may if run.names[i] == "T"]
+        same += [i for i, name in enumerate(run.names) if is_time_name(name)]  # refused by its unit
     if not same:
         raise Refused(DATA, f'{run.path}: there is no column "{given or "t"}" with times; name it with --time, or give '
                             f'the time between two rows with --dt; the columns are: {" ".join(run.names)[:255]}')
