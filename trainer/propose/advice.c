@@ -549,7 +549,7 @@ static void print_outcome(const advice *a, const pm_search_outcome *o, const cha
 pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_t *stop,
                     const char *path, FILE *out) {
     const pm_training *t = fit->training;
-    const pm_search_how how = {.budget = budget, .stop = stop};
+    const pm_search_how how = {.budget = budget, .most = budget, .stop = stop};
     advice *a = calloc(1, sizeof *a);
     char *data = realpath(fit->data, NULL), scene[PATH_MAX];
     // The data of the command line may be a table that was read into a file for the time being.

@@ -328,11 +328,15 @@ static pm_status run(hypothesis_search *s, int count, const int *which,
     return PM_OK;
 }
 
+static bool is_over(const hypothesis_search *s) {
+    return s->how->most > 0 && s->used > s->how->most;
+}
+
 // Tries the candidates from number `first` on, as many as the time allows.
 static pm_status run_new(hypothesis_search *s, int first, const pm_fit_effort *effort,
                          double seconds) {
     int which[MOST_VECTORS], count = 0;
-    const double most = fmax(floor(seconds / seconds_of(s, effort)), 0);
+    const double most = is_over(s) ? 0 : fmax(floor(seconds / seconds_of(s, effort)), 0);
     s->ncandidate = s->ncandidate - first < most ? s->ncandidate : first + (int)most;
     for (int i = first; i < s->ncandidate; ++i) {
         which[count++] = i;
@@ -368,7 +372,7 @@ static pm_status decide(hypothesis_search *s, double seconds) {
         }
         which[count++] = next;
     }
-    if (count <= 1) {
+    if (count <= 1 || is_over(s)) {
         return PM_OK;
     }
     pm_fit_effort e = effort_for(s, seconds / (count * OF_FINALISTS), 2);

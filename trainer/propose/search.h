@@ -52,7 +52,10 @@ typedef struct pm_hypotheses {
 
 typedef struct pm_search_how {
     double budget; // s of CPU time on a nominal machine; 0: the first vector is written untried
-    bool loud;     // print a line for each round
+    // s of CPU time as it is measured, after which no further vector is tried; 0: none. The result
+    // then depends on the machine.
+    double most;
+    bool loud;                         // print a line for each round
     const volatile sig_atomic_t *stop; // ends the search when nonzero; or NULL
     double enough; // error of a short fit below which nothing else is tried; 0: 1 %
 } pm_search_how;
