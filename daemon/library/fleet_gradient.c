@@ -97,7 +97,8 @@ static pm_status open_tasks(pm_fleet *fleet, int ntask, const pm_rates_task *tas
         fleet->close_gradient = close_gradient;
         f->nworker = fleet->nworker;
         f->lanes = pm_rates_lanes(fleet->count);
-        f->nweight = list_matrices(fleet->setup->system, &f->nmatrix, NULL);
+        f->nweight = pm_fleet_weights(fleet->setup->system);
+        list_matrices(fleet->setup->system, &f->nmatrix, NULL);
         f->matrix = pm_arena_array(&f->arena, (size_t)f->nmatrix, sizeof *f->matrix);
         f->entry = pm_arena_array(&f->arena, (size_t)f->nmatrix, sizeof *f->entry);
         f->program = pm_arena_array(&f->arena, (size_t)f->nworker * PROGRAMS, sizeof *f->program);

@@ -185,7 +185,7 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         fprintf(w->model,
                 "      - \"isothermal_%s*%.6g*ln(%.6g/%s)\"\n"
                 "      - \"-polytropic_%s*%.6g*sqrt(%s)\"\n",
-                name, y->mean * y->mean, y->mean, name, name, 4 * pow(y->mean, 1.5), name);
+                name, y->mean * y->mean, y->mean, name, name, 4 * y->mean * sqrt(y->mean), name);
     }
     for (int k = 0; k < BENDS + 2; ++k) {
         static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
@@ -313,7 +313,8 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
                             SMALL * current,
                             current,
                             WARMS};
-    for (int k = 0; k < (warms ? 6 : 5); ++k) {
+    const int nkind = (int)(sizeof kind / sizeof *kind) - !warms; // the last one is of the heat
+    for (int k = 0; k < nkind; ++k) {
         fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind[k],
                 cell->name, start[k]);
     }
