@@ -53,8 +53,8 @@ succeed "arm.useless: the data do not fix it" fit "$folder/training.yaml" --data
 grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 grep -qE "^  arm.viscous = 0.(19[5-9]|20[0-5])" "$folder/out" || fail "fit: expected a friction of 0.2"
 grep -q "arm.s: the data do not fix its start" "$folder/out" || fail "fit: the entropy is fixed by nothing"
-succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
-    --record "$folder/y.h5"
+succeed "3 trajectories that the weights were trained or validated on are left out" evaluate "$folder/pendulum.yaml" \
+    --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 --record "$folder/y.h5"
 inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")
 [ "${inside:-0}" -ge 80 ] && [ "$inside" -le 97 ] || fail "evaluate: expected about 90 % inside the bands"
 grep -q "arm.s: predictions depend on the guess" "$folder/out" || fail "evaluate: nothing measures the entropy"
@@ -85,8 +85,8 @@ numbers "$folder/t.h5" | paste "$folder/y.txt" - | awk '{ d = $1*57.295779513082
 
 # --- pictures of predictions with bands ---
 if command -v gnuplot >/dev/null; then
-    succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 \
-        --plot "$folder/pictures"
+    succeed "3 trajectories that the weights were trained or validated on are left out" evaluate "$folder/pendulum.yaml" \
+        --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 --plot "$folder/pictures"
     for name in prediction_3 coverage; do
         [ -s "$folder/pictures/$name.png" ] || fail "evaluate --plot: expected $name.png"
     done
