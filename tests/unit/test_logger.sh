@@ -84,7 +84,7 @@ for i in 1 2 3 4 5; do
         }
     }' >"$folder/rail_$i.csv"
 done
-succeed "y \[V\]: a co-energy; its sensor saturates at 10" propose --budget 0 --data "$folder"/rail_?.csv --inputs u -o "$folder/rail"
+succeed "y [V]: a co-energy; its sensor saturates at 10" propose --budget 0 --data "$folder"/rail_?.csv --inputs u -o "$folder/rail"
 succeed "Verdict: good" fit "$folder/rail/training.yaml" -o "$folder/rail/weights"
 
 # One record of the lower of two tanks. The upper one, which a pump fills, spills over, half of it into the lower one: short

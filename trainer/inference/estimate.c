@@ -315,7 +315,7 @@ static double *array_of_nan(pm_arena *arena, size_t n) {
 pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,
                            const pm_dataset *dataset, int count, const int *which,
                            const pm_estimate_how *how) {
-    start_uncertainty start = {NULL};
+    start_uncertainty start = {0};
     *e = (pm_estimate){.count = count,
                        .ntime = dataset->ntime,
                        .ny = o->count,
