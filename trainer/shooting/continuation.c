@@ -25,7 +25,7 @@
 // direction that the data hardly determine, long windows repair only in tiny steps.
 #define POINT_ITERATIONS 100
 #define POINT_ENOUGH 1e-2
-#define LAST_ITERATIONS 40
+#define LAST_ITERATIONS 200
 #define LAST_ENOUGH 1e-4
 // A point goes on with the new noise until its relative change is below this.
 #define MOST_ROUNDS 8
