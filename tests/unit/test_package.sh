@@ -32,7 +32,7 @@ dpkg-deb -f "$python" Depends | grep -q 'libportmet0 (= ' || fail "python3-portm
 for file in dist-packages/portmet/scene.py dist-packages/portmet/py.typed dist-packages/portmet-[0-9.]*.dist-info/METADATA; do
     grep -q "usr/lib/python3/$file$" "$folder/python3-portmet.list" || fail "python3-portmet lacks $file"
 done
-grep -q 'lib/.*libportmet[.]so[.]0$' "$folder/libportmet0.list" || fail "libportmet0 lacks the library"
+grep -q 'lib/.*libportmet[.]so[.]0 -> ' "$folder/libportmet0.list" || fail "libportmet0 lacks the library"
 grep -q 'libportmet' "$folder/portmet.list" && fail "portmet has the library"
 cat "$folder"/*.list | grep '[.]pc$' | grep -v libportmet.pc && fail "another file for pkg-config"
 for file in bin/portmetd share/man/man1/portmetd.1.gz share/man/man5/portmet-scene.5.gz share/man/man5/portmet-training.5.gz \
