@@ -1,7 +1,8 @@
 #!/bin/sh
-# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING ... CLOCK_AHEAD READS_CLOCK: `portmetd test` finds the same bits for every integrator,
-# for co-energies and for chains, whatever the cut and however processes and messages are lost; and it finds what
-# is wrong: other weights at one end, a part that reads the clock, a law that is not kept. Runs side by side keep apart.
+# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING ... CLOCK_AHEAD READS_CLOCK: `portmetd test` finds the same bits for
+# every integrator, for co-energies and for chains, whatever the cut and however processes and messages are lost; and it
+# finds what is wrong: other weights at one end, a part that reads the clock, a law that is not kept. Runs side by side
+# keep apart.
 . "$(dirname "$0")/network.sh"
 
 # good SCENE RUNS: `test` makes so many runs, and all is well.
