@@ -1,5 +1,5 @@
 #!/bin/sh
-# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING ... CLOCK_AHEAD READS_CLOCK: `portmetd test` finds the same bits for
+# test_same_bits.sh PORTMETD MAKE_SCENE SAME_RECORDING ... READS_CLOCK: `portmetd test` finds the same bits for
 # every integrator, for co-energies and for chains, whatever the cut and however processes and messages are lost; and it
 # finds what is wrong: other weights at one end, a part that reads the clock, a law that is not kept. Runs side by side
 # keep apart.
@@ -51,7 +51,7 @@ sed '/^time:/i laws: {energy: 1.0e-30}' "$scene" >"$folder/scene_strict.yaml"
 # A part that reads the clock; a scene with a tolerance has fewer runs.
 sed -e "s|file: reference|file: $configs/reference|; s/substeps: 16/tolerance: 1.0e-3/" \
     -e 's,"|p|^2/(2\*m)","|p|^2/(2*m) + 0.01*cos(s/c)",' "$configs/analytic_double_pendulum.yaml" >"$folder/clock.yaml"
-export LD_PRELOAD="$7"
+export LD_PRELOAD="$6"
 wrong 14 "runs failed, the first a process each: subsystems/.* at step 1: " "$folder/clock.yaml" --steps 8
 unset LD_PRELOAD
 wrong 10 "energy residual" "$folder/scene_strict.yaml"
