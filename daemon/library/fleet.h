@@ -49,8 +49,8 @@ typedef struct pm_fleet {
     void *context;
     int64_t nshared;
     atomic_llong next;
-    // What derivatives of rollouts keep (fleet_gradient.h), and what closes it; NULL: nothing is
-    // kept.
+    // The programs and space of derivatives of rollouts (fleet_gradient.h), and the function that
+    // closes them; NULL: nobody has asked for derivatives.
     struct pm_fleet_gradient *gradient;
     void (*close_gradient)(struct pm_fleet_gradient *gradient);
 } pm_fleet;

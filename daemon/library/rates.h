@@ -21,7 +21,7 @@ static inline int pm_rates_lanes(int64_t count) {
                                     : ((int)count + PM_LANES - 1) / PM_LANES * PM_LANES;
 }
 
-// What a program computes at a state z with the inputs u.
+// A task is what a program computes at a state z with the inputs u.
 typedef enum pm_rates_task {
     PM_RATES,      // k(z, u, weights)
     PM_ADJOINT,    // k_z^T seed, k_u^T seed, k_weights^T seed

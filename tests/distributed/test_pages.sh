@@ -14,7 +14,7 @@ export PATH="$PWD/build/daemon/app:$PWD/build/trainer:$folder/bin:$PATH"
 
 # run PAGE TEXT: the commands in $folder/commands succeed, and TEXT is in what they print; "": they print nothing.
 run() {
-    [ -s "$folder/commands" ] || fail "$1: no commands"
+    [ "$(wc -l <"$folder/commands")" -ge 2 ] || fail "$1: no commands"
     timeout 200 unshare -mpf --mount-proc --kill-child sh -e "$folder/commands" >"$folder/out" 2>"$folder/err" || fail "$1: its commands"
     case $2 in
     "") [ ! -s "$folder/out" ] || fail "$1: expected no output" ;;
