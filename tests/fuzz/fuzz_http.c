@@ -1,6 +1,6 @@
-// Whatever bytes a connection brings, the server of the view must refuse or answer them, and answer
-// another browser afterwards. The bytes are those of a browser: a request, and frames of a
-// websocket if it asks for one. The first one says how many of the others arrive in a first piece.
+// The server of the view must refuse or answer any bytes of a connection, and answer another
+// browser afterwards. The bytes are those of a browser: a request, and frames of a websocket if it
+// asks for one. The first one says how many of the others arrive in a first piece.
 #include <errno.h>
 #include <sys/socket.h>
 #include <unistd.h>

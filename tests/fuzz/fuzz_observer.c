@@ -1,8 +1,8 @@
-// Whatever messages a run or a service seems to send, a listener and a client of it must take or
-// drop them. In the input each message is preceded by its length (two bytes) and by a byte that
-// chooses among the channels to which the observer listens. The very first byte chooses the
-// observer. Messages are given the fingerprint of their type, and replies the number of the request
-// that they answer, which random changes would hardly find.
+// A listener and a client must take or drop any messages that a run or a service seems to send. In
+// the input each message is preceded by its length (two bytes) and by a byte that chooses among the
+// channels to which the observer listens. The very first byte chooses the observer. Messages are
+// given the fingerprint of their type, and replies the number of the request that they answer,
+// which random changes would hardly find.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -120,7 +120,7 @@ static void check_finite(double value) {
     check(isfinite(value));
 }
 
-// What a listener tells is finite, and has the counts of the scene.
+// Checks that the numbers of a listener are finite, and have the counts of the scene.
 static void try_listener(pm_transport *transport, source *s, const pm_scene *scene) {
     pm_listener *listener = NULL;
     check(pm_listener_open(&listener, transport, scene, 0) == PM_OK);

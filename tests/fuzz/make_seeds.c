@@ -42,7 +42,7 @@ static pm_status make_fields(void) {
     return make_field("contact.h5", true);
 }
 
-// Of one brick, of which one node is clamped and another one touches.
+// The mesh has one brick, one clamped node and another one that touches.
 static pm_status make_mesh(void) {
     static const int brick[8] = {0, 1, 3, 2, 4, 5, 7, 6}, touching = 7;
     static const bool clamped[8] = {true};
@@ -54,7 +54,7 @@ static pm_status make_mesh(void) {
     return pm_solid_mesh_save(&mesh, "mesh.h5");
 }
 
-// Of three samples.
+// The recording has three samples.
 static pm_status make_recording(void) {
     pm_scene *scene = NULL;
     pm_sample *sample = NULL;
@@ -175,8 +175,8 @@ static size_t add_message(unsigned char *at, int to, const pm_wire_type *type, c
     return 3 + size;
 }
 
-// What a listener hears of a run: a ledger, health, two reports of the body, which has two ends of
-// a port to report, and the end.
+// The messages of a run: a ledger, health, two reports of the body, which has two ends of a port to
+// report, and the end.
 static pm_status make_heard(void) {
     portmet_ledger_t ledger = {.session = 7};
     portmet_health_t health = {.session = 7};

@@ -26,6 +26,7 @@ one() {
     [ "${violations:-1}" -eq 0 ] || fail "sets from $1, $2: a law is violated"
     if [ "$2" = discrete_gradient ] && [ $code -eq 9 ] && grep -q "the iteration does not converge" "$folder/err"; then
         unsolved=$((unsolved + 1))
+        "$random_pairs" check_begun "$folder" "$folder/run.h5" 2>"$folder/err" || fail "sets from $1, $2"
         return
     fi
     [ $code -eq 0 ] || { fail "sets $1 to $(($1 + pairs - 1)), $2: exit code $code"; return; }

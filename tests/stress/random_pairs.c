@@ -1,11 +1,11 @@
 // Makes many double pendula for runs over LCM (random_over_lcm.sh). Their weights are the shipped
 // ones plus random numbers as large as initial weights. One process serves all upper links and
 // another one all lower links, so that every port uses the network.
-//   random_pairs make DIR CONFIGS FIRST COUNT METHOD   writes DIR/scene.yaml and its weights; pair
-//   i
+//   random_pairs make DIR CONFIGS FIRST COUNT METHOD   writes DIR/scene.yaml and its weights; pair i
 //                                                      is of stream FIRST + i of the random numbers
 //   random_pairs check DIR RECORDING                   exits with 9 unless every number recorded is
 //                                                      finite, and with 10 if an entropy falls
+//   random_pairs check_begun DIR RECORDING             the same for a run that ended early
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -142,13 +142,14 @@ done:
 
 // --- checking a recording ---
 
+// Reads one of the arrays of a subsystem, with `count` rows.
 static pm_status read_finite(const pm_hdf5 *file, const char *subsystem, const char *what,
-                             int width, double *value) {
+                             int count, int width, double *value) {
     char name[256];
-    const int extent[2] = {STEPS + 1, width};
+    const int extent[2] = {count, width};
     snprintf(name, sizeof name, "/subsystems/%s/%s", subsystem, what);
     PM_TRY(pm_hdf5_read(file, name, width == 0 ? 1 : 2, extent, value));
-    for (int i = 0; i < (STEPS + 1) * (width == 0 ? 1 : width); ++i) {
+    for (int i = 0; i < count * (width == 0 ? 1 : width); ++i) {
         if (!isfinite(value[i])) {
             return pm_fail(PM_ENUMERIC, "%s: a number that is not finite went by", name);
         }
@@ -156,25 +157,26 @@ static pm_status read_finite(const pm_hdf5 *file, const char *subsystem, const c
     return PM_OK;
 }
 
-// Adds the entropies [STEPS + 1] of a subsystem.
+// Adds the entropies [count] of a subsystem.
 static pm_status check_subsystem(const pm_hdf5 *file, const pm_scene_subsystem *subsystem,
-                                 double *entropy) {
+                                 int count, double *entropy) {
     double value[(STEPS + 1) * 64];
-    PM_TRY(read_finite(file, subsystem->name, "z", subsystem->layout.nz, value));
-    PM_TRY(read_finite(file, subsystem->name, "E", 0, value));
-    PM_TRY(read_finite(file, subsystem->name, "S", 0, value));
-    for (int i = 0; i <= STEPS; ++i) {
+    PM_TRY(read_finite(file, subsystem->name, "z", count, subsystem->layout.nz, value));
+    PM_TRY(read_finite(file, subsystem->name, "E", count, 0, value));
+    PM_TRY(read_finite(file, subsystem->name, "S", count, 0, value));
+    for (int i = 0; i < count; ++i) {
         entropy[i] += value[i];
     }
     return PM_OK;
 }
 
-static pm_status check_pairs(const pm_hdf5 *file, const pm_scene *scene) {
+// Checks the `count` states of all pairs.
+static pm_status check_pairs(const pm_hdf5 *file, const pm_scene *scene, int count) {
     for (int i = 0; i < scene->physics.nsubsystem; i += 2) {
         double entropy[STEPS + 1] = {0};
-        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i], entropy));
-        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i + 1], entropy));
-        for (int k = 1; k <= STEPS; ++k) {
+        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i], count, entropy));
+        PM_TRY(check_subsystem(file, &scene->physics.subsystem[i + 1], count, entropy));
+        for (int k = 1; k < count; ++k) {
             if (!(entropy[k] >= entropy[k - 1] - LARGEST_FALL)) {
                 return pm_fail(PM_ELAW, "pair %d: entropy falls by %g J/K in step %d", i / 2,
                                entropy[k - 1] - entropy[k], k);
@@ -184,7 +186,8 @@ static pm_status check_pairs(const pm_hdf5 *file, const pm_scene *scene) {
     return PM_OK;
 }
 
-static pm_status check(const char *folder, const char *recording) {
+static pm_status check(const char *folder, const char *recording, int most_unsolved) {
+    int count = 0;
     char path[MAX_PATH];
     pm_scene *scene = NULL;
     pm_hdf5 *file = NULL;
@@ -192,7 +195,14 @@ static pm_status check(const char *folder, const char *recording) {
     snprintf(path, sizeof path, "%s/scene.yaml", folder);
     PM_TRY_DONE(pm_scene_load(&scene, path));
     PM_TRY_DONE(pm_hdf5_open(&file, recording, PM_HDF5_ANY, PM_EDATA));
-    status = check_pairs(file, scene);
+    char name[MAX_PATH];
+    snprintf(name, sizeof name, "/subsystems/%s/E", scene->physics.subsystem[0].name);
+    PM_TRY_DONE(pm_hdf5_shape(file, name, 1, &count));
+    if (count < STEPS + 1 - most_unsolved || count > STEPS + 1 || count < 1) {
+        status = pm_fail(PM_EDATA, "%s: %d states, expected %d", recording, count, STEPS + 1);
+        goto done;
+    }
+    status = check_pairs(file, scene, count);
 done:
     pm_hdf5_close(file);
     pm_scene_free(scene);
@@ -205,7 +215,9 @@ int main(int argc, char **argv) {
     if (argc == 7 && strcmp(argv[1], "make") == 0) {
         status = make(argv[2], argv[3], atoi(argv[4]), atoi(argv[5]), argv[6]);
     } else if (argc == 4 && strcmp(argv[1], "check") == 0) {
-        status = check(argv[2], argv[3]);
+        status = check(argv[2], argv[3], 0);
+    } else if (argc == 4 && strcmp(argv[1], "check_begun") == 0) {
+        status = check(argv[2], argv[3], STEPS);
     }
     if (status != PM_OK) {
         fprintf(stderr, "random_pairs: %s\n",
