@@ -1,9 +1,8 @@
 // Makes many double pendula for runs over LCM (random_over_lcm.sh). Their weights are the shipped
 // ones plus random numbers as large as initial weights. One process serves all upper links and
 // another one all lower links, so that every port uses the network.
-//   random_pairs make DIR CONFIGS FIRST COUNT METHOD   writes DIR/scene.yaml and its weights; pair
-//   i
-//                                                      is of stream FIRST + i of the random numbers
+//   random_pairs make DIR CONFIGS FIRST COUNT METHOD   writes DIR/scene.yaml and its weights; those
+//                                                      of pair i are of stream FIRST + i
 //   random_pairs check DIR RECORDING                   exits with 9 unless every number recorded is
 //                                                      finite, and with 10 if an entropy falls
 //   random_pairs check_begun DIR RECORDING             the same for a run that ended early
