@@ -26,8 +26,7 @@
 #define HOLD 1.0              // s until a line is printed; a child that fails ends sooner
 #define MAX_DEATHS 6          // of a child, in a row, without progress
 #define LIVED 10.0            // s after which a child has made progress
-#define PAUSE 0.005           // s from a death to the new start; every death doubles it
-#define MOST_DOUBLED 8        // times
+#define PAUSE 0.005           // s from a death to the new start; up to MAX_DEATHS deaths double it
 
 typedef struct pm_child {
     const char *name;
@@ -135,7 +134,7 @@ static void reap(pm_child *child, const pm_journal *log) {
     child->seen = file.st_mtim;
     child->deaths = progressed ? 1 : child->deaths + 1;
     if (child->deaths <= MAX_DEATHS || child->program.stays) {
-        const int doubled = child->deaths < MOST_DOUBLED ? child->deaths : MOST_DOUBLED;
+        const int doubled = child->deaths < MAX_DEATHS ? child->deaths : MAX_DEATHS;
         const int number = WTERMSIG(child->wait_status);
         char line[LINE];
         child->restart_at = pm_clock() + PAUSE * (1 << doubled);

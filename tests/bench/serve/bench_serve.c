@@ -1,7 +1,8 @@
 // Measures what a client of `portmetd serve` waits for, through libportmet: a run of some steps,
 // its start, and single steps. Each run is compared with the same run in this process, bit by bit.
-//   run_bench_serve SCENE RUNS STEPS
-// prints a line for each piece of work: the least, the median and the quartiles of its time, in us.
+//   run_bench_serve SCENE RUNS STEPS SINGLE
+// asks for SINGLE steps one by one after each run, and prints a line for each piece of work: the
+// least, the median and the quartiles of its time, in us.
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,8 +10,6 @@
 #include <time.h>
 
 #include "portmet.h"
-
-enum { SINGLE = 100 }; // steps that are asked for one by one
 
 static double now(void) {
     struct timespec t;
@@ -37,11 +36,11 @@ static void print(const char *what, double *seconds, int count) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 4) {
-        fprintf(stderr, "usage: run_bench_serve SCENE RUNS STEPS\n");
+    if (argc != 5) {
+        fprintf(stderr, "usage: run_bench_serve SCENE RUNS STEPS SINGLE\n");
         return 2;
     }
-    const int runs = atoi(argv[2]), steps = atoi(argv[3]);
+    const int runs = atoi(argv[2]), steps = atoi(argv[3]), single = atoi(argv[4]);
     portmet_scene *here = NULL, *there = NULL;
     double *time[4]; // of a whole run, of its start, of its steps, of one step
     size_t nz;
@@ -65,10 +64,10 @@ int main(int argc, char **argv) {
             fprintf(stderr, "bench_serve: run %d has other bits\n", run);
             return 1;
         }
-        for (int i = 0; i < SINGLE; ++i) {
+        for (int i = 0; i < single; ++i) {
             require(portmet_scene_step(there, 1) == PORTMET_OK);
         }
-        time[3][run] = (now() - end) / SINGLE;
+        time[3][run] = (now() - end) / (single > 0 ? single : 1);
         time[0][run] = end - start;
         time[1][run] = begun - start;
         time[2][run] = (end - begun) / steps;
@@ -76,7 +75,9 @@ int main(int argc, char **argv) {
     print("a run", time[0], runs);
     print("its start", time[1], runs);
     print("one of many steps", time[2], runs);
-    print("one step alone, from C", time[3], runs);
+    if (single > 0) {
+        print("one step alone, from C", time[3], runs);
+    }
     portmet_scene_close(there);
     portmet_scene_close(here);
     return 0;

@@ -1,8 +1,10 @@
 #!/bin/sh
 # kills.sh PORTMETD BENCH CONFIGS [RUNS]: runs of 200 steps of the double pendulum by one client, each compared bit by bit
 # with the run in one process, while one datagram in ten gets lost and a process of the service is killed every second,
-# in a private network (root). Prints how many were killed and lost.
+# in a private network (root). Prints how many were killed and lost, and fails if the service's memory, threads or files
+# have grown after the first twenty runs.
 . "$(dirname "$0")/../../support/private_network.sh"
+. "$(dirname "$0")/resources.sh"
 portmetd=$1
 bench=$2
 configs=$(realpath "$3")
@@ -22,9 +24,13 @@ while sleep 1; do
     kill -KILL "$(tr ' ' '\n' <"/proc/$service/task/$service/children" | grep . | shuf -n 1)" 2>>"$folder/late"
 done &
 killer=$!
-"$bench" "$folder/kills.yaml" "$runs" 200
+"$bench" "$folder/kills.yaml" 20 200 0 >"$folder/first" || exit 1
+before=$(resources $service)
+"$bench" "$folder/kills.yaml" "$runs" 200 0
 code=$?
 kill $killer
+echo "the service after 20 runs: $before, after all: $(resources $service)"
+flat "$before" "$(resources $service)" || code=1
 kill -TERM $service && wait $service || code=$?
 echo "$(grep -c 'killed by signal 9' "$folder/err") processes killed, $(nft list chain ip loss input | sed -n 's/.*packets \([0-9]*\).*/\1/p') datagrams lost; ended with $code"
 exit $code

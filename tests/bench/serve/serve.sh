@@ -1,27 +1,21 @@
 #!/bin/sh
-# serve.sh PORTMETD BENCH CONFIGS PYTHON [RUNS]: what clients of `portmetd serve` wait for, in a private network (root), with
-# the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked.
+# serve.sh PORTMETD BENCH CONFIGS PYTHON [RUNS [REST]]: what clients of `portmetd serve` wait for, in a private network (root), with
+# the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked for REST s.
 # `chrt -f 1 sh serve.sh ...` measures what a machine without other work does.
 . "$(dirname "$0")/../../support/private_network.sh"
+. "$(dirname "$0")/resources.sh"
 portmetd=$1
 bench=$2
 configs=$(realpath "$3")
 python=$4
 runs=${5:-1000}
+rest=${6:-60}
 folder=$(mktemp -d)
 trap 'kill $service 2>/dev/null; rm -rf "$folder"' EXIT
 
 # processes: the ids of the service and of its nodes.
 processes() {
     echo $service $(cat /proc/$service/task/$service/children)
-}
-
-# resources: the resident memory in kB, the threads and the open files of all processes together.
-resources() {
-    for process in $(processes); do
-        awk '/^VmRSS/ {m = $2} /^Threads/ {t = $2} END {print m, t}' "/proc/$process/status"
-        ls "/proc/$process/fd" | wc -l
-    done | awk 'NF == 2 {m += $1; t += $2} NF == 1 {f += $1} END {print m " kB, " t " threads, " f " files"}'
 }
 
 # busy: the processor time of all processes so far, in us.
@@ -39,23 +33,23 @@ serve() {
 }
 
 serve "$configs/double_pendulum.yaml"
-"$bench" "$configs/double_pendulum.yaml" 20 200 >/dev/null
-echo "double pendulum, before: $(resources)"
-"$bench" "$configs/double_pendulum.yaml" "$runs" 200
-echo "double pendulum, after $runs runs: $(resources)"
+"$bench" "$configs/double_pendulum.yaml" 20 200 100 >/dev/null
+echo "double pendulum, before: $(resources $(processes))"
+"$bench" "$configs/double_pendulum.yaml" "$runs" 200 100
+echo "double pendulum, after $runs runs: $(resources $(processes))"
 kill $service
 wait $service
 
 sed "s#\(weights: \|file: \)#&$configs/#; s/substeps: 16 .*/substeps: 1/" "$configs/double_pendulum.yaml" >"$folder/short.yaml"
 serve "$folder/short.yaml"
 echo "double pendulum with 4 exchanges in a step:"
-"$bench" "$folder/short.yaml" "$runs" 20
+"$bench" "$folder/short.yaml" "$runs" 20 100
 kill $service
 wait $service
 
 serve "$configs/double_pendulum.yaml" --in-process --compiled
 echo "double pendulum in the service's process, with compiled models:"
-"$bench" "$configs/double_pendulum.yaml" "$runs" 200
+"$bench" "$configs/double_pendulum.yaml" "$runs" 200 100
 PYTHONPATH=$python /usr/bin/python3 - "$runs" <<'SCRIPT'
 import sys, time
 import portmet
@@ -90,8 +84,8 @@ SCENE
 serve "$folder/idle.yaml"
 sleep 2
 before=$(busy)
-sleep 60
-echo "idle, $(processes | wc -w) processes: $((($(busy) - before) / 60)) us of processor time in a second"
-"$bench" "$folder/idle.yaml" 1 1
+sleep "$rest"
+echo "idle, $(processes | wc -w) processes: $((($(busy) - before) / rest)) us of processor time in a second"
+"$bench" "$folder/idle.yaml" 1 1 1
 kill $service
 wait $service

@@ -4,20 +4,13 @@
 # threads and the descriptors of all processes, ten times, and fails if they have grown from the second to the last
 # time, if a step was in violation, or if it took more than an hour.
 . "$(dirname "$0")/../../support/private_network.sh"
+. "$(dirname "$0")/resources.sh"
 portmetd=$1
 configs=$(realpath "$2")
 steps=${3:-10000000}
 folder=$(mktemp -d)
 trap 'kill $service 2>/dev/null; rm -rf "$folder"' EXIT
 scene=$configs/double_pendulum.yaml
-
-# resources: the resident memory in kB, the threads and the open files of all processes together.
-resources() {
-    for process in $service $(cat /proc/$service/task/$service/children); do
-        awk '/^VmRSS/ {m = $2} /^Threads/ {t = $2} END {print m, t}' "/proc/$process/status"
-        ls "/proc/$process/fd" | wc -l
-    done | awk 'NF == 2 {m += $1; t += $2} NF == 1 {f += $1} END {print m, t, f}'
-}
 
 # reached: the step of the run.
 reached() {
@@ -35,14 +28,14 @@ while [ $part -le 10 ]; do
         kill -0 $service || { cat "$folder/err"; exit 1; }
         sleep 5
     done
-    now=$(resources)
+    now=$(resources $service $(cat /proc/$service/task/$service/children))
     second=${second:-$([ $part -lt 2 ] || echo "$now")}
-    echo "$("$portmetd" query "$scene" | head -n 1 | sed 's/.*, step/step/'); after $(($(date +%s) - began)) s: $now (kB, threads, files)"
+    echo "$("$portmetd" query "$scene" | head -n 1 | sed 's/.*, step/step/'); after $(($(date +%s) - began)) s: $now"
     part=$((part + 1))
 done
 took=$(($(date +%s) - began))
 "$portmetd" stop "$scene" | tee "$folder/stop" | head -n 1
 kill -TERM $service && wait $service || { echo "the service ended with $?"; exit 1; }
-echo "$second $now" | awk '{exit !($4 <= $1 + 500 && $5 == $2 && $6 == $3)}' || { echo "something has grown"; exit 1; }
+flat "$second" "$now" || exit 1
 grep -q ' 0 violations' "$folder/stop" || { echo "steps were in violation"; exit 1; }
 [ $took -le 3600 ] || { echo "took $took s"; exit 1; }
