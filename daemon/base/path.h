@@ -8,4 +8,8 @@
 // length of the whole path if the name has no extension, as in "runs.d/a" and "runs.d/.h5".
 size_t pm_path_stem(const char *path);
 
+// Returns `path` as seen from the folder of the file `from`: "../a.h5". Both folders must exist. It
+// is written to `out` [PATH_MAX], and is absolute where they share no folder but "/".
+const char *pm_path_seen_from(const char *from, const char *path, char *out);
+
 #endif

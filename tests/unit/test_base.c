@@ -1,5 +1,6 @@
 // Arenas, random numbers, linear algebra, activations and digests.
 #include <float.h>
+#include <limits.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -230,6 +231,24 @@ static void endings_are_found(void **state) {
     }
 }
 
+static void paths_are_seen_from_files(void **state) {
+    (void)state;
+    static const struct {
+        const char *from, *seen;
+    } paths[] = {{"tests/x.yaml", "unit/test_base.c"},
+                 {"tests/unit/x.yaml", "test_base.c"},
+                 {"tests/u", "unit/test_base.c"},
+                 {"x.yaml", "tests/unit/test_base.c"},
+                 {"tests/fuzz/seeds/x", "../../unit/test_base.c"},
+                 {"daemon/app/../x", "../tests/unit/test_base.c"}};
+    char out[PATH_MAX];
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; ++i) {
+        assert_string_equal(pm_path_seen_from(paths[i].from, "tests/unit/test_base.c", out),
+                            paths[i].seen);
+    }
+    assert_string_equal(pm_path_seen_from("/proc/x", "/dev/null", out), "/dev/null");
+}
+
 static void failures_are_described(void **state) {
     (void)state;
     assert_int_equal(pm_fail(PM_EDATA, "row %d: %s", 3, "bad"), PM_EDATA);
@@ -286,6 +305,7 @@ int main(void) {
         cmocka_unit_test(digests_tell_apart),
         cmocka_unit_test(bands_are_solved),
         cmocka_unit_test(endings_are_found),
+        cmocka_unit_test(paths_are_seen_from_files),
         cmocka_unit_test(failures_are_described),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -452,34 +452,38 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
         }
     }
     if (status == PM_OK) {
-        const char *scene = realpath(t->scene->path, NULL), *own = NULL;
-        // Paths in the file that is written are absolute.
+        const char *scene = t->scene->path;
+        char seen[PATH_MAX];
         if (c->count[1] > 0) {
-            own = pm_arena_printf(&arena, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
+            scene = pm_arena_printf(&arena, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
+            const pm_yaml file = pm_yaml_get(pm_yaml_get(a->scene, "reference"), "file");
+            if (pm_yaml_exists(file)) {
+                change(c, 1, file, true,
+                       pm_arena_printf(&arena, "\"%s\"",
+                                       pm_path_seen_from(path, t->scene->run.reference, seen)));
+            }
+            status = pm_arena_status(&arena, "a hypothesis");
+            status = status == PM_OK
+                         ? write_changed(scene, "", a->scene, c->count[1], c->change[1])
+                         : status;
         }
         const char *data = getpid() == a->process ? a->named : a->data;
         change(c, 0, pm_yaml_get(a->training, "scene"), true,
-               pm_arena_printf(&arena, "\"%s\"",
-                               own != NULL     ? own
-                               : scene == NULL ? ""
-                                               : scene));
+               pm_arena_printf(&arena, "\"%s\"", pm_path_seen_from(path, scene, seen)));
         const pm_yaml block = pm_yaml_get(a->training, "data");
         const char *named = pm_arena_printf(
-            &arena, "{file: \"%s\", trajectories: \"%s\", validation: \"%s\"}", data,
+            &arena, "{file: \"%s\", trajectories: \"%s\", validation: \"%s\"}",
+            pm_path_seen_from(path, data, seen),
             split->training, split->nvalidation > 0 ? split->validation : "none");
         if (pm_yaml_exists(block)) {
             change(c, 0, block, true, named);
         } else {
             change(c, 0, a->training, false, pm_arena_printf(&arena, "data: %s", named));
         }
-        status = pm_arena_status(&arena, "a hypothesis");
-        status = status == PM_OK && own != NULL
-                     ? write_changed(own, "", a->scene, c->count[1], c->change[1])
-                     : status;
+        status = status == PM_OK ? pm_arena_status(&arena, "a hypothesis") : status;
         status = status == PM_OK
                      ? write_changed(path, comment, a->training, c->count[0], c->change[0])
                      : status;
-        free((char *)scene);
     }
     pm_arena_free(&arena);
     free(c);
@@ -551,17 +555,16 @@ pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_
     const pm_training *t = fit->training;
     const pm_search_how how = {.budget = budget, .most = budget, .stop = stop};
     advice *a = calloc(1, sizeof *a);
-    char *data = realpath(fit->data, NULL), scene[PATH_MAX];
-    // The data of the command line may be a table that was read into a file for the time being.
-    char *named = t->data == NULL ? NULL : realpath(t->data, NULL);
+    char scene[PATH_MAX];
     pm_status status;
     bool looked = false;
-    PM_TRY_DONE(a == NULL || data == NULL ? pm_fail(PM_ENOMEM, "out of memory for advice") : PM_OK);
+    PM_TRY_DONE(a == NULL ? pm_fail(PM_ENOMEM, "out of memory for advice") : PM_OK);
     PM_TRY_DONE(pm_look_make(&a->look, t->scene, fit->dataset));
     looked = true;
     a->fit = fit;
-    a->data = data;
-    a->named = named == NULL ? data : named;
+    a->data = fit->data;
+    // The data of the command line may be a table that was read into a file for the time being.
+    a->named = t->data == NULL ? fit->data : t->data;
     a->process = getpid();
     a->space.write = write_vector;
     a->space.context = a;
@@ -603,8 +606,6 @@ done:
     if (looked) {
         pm_look_free(&a->look);
     }
-    free(named);
-    free(data);
     free(a);
     return status;
 }

@@ -8,7 +8,7 @@
 
 // Tries what the models of a fit to states may lack, for `budget` s of CPU time, and writes to
 // `out` what helps and by how much, or that nothing does. If something helps, writes the changed
-// training file as `path`, absolute or not, and the scene, if it is changed, as "<path without its
+// training file as `path`, and the scene, if it is changed, as "<path without its
 // ending>_scene.yaml". PM_EINTERRUPTED, PM_EFILE, PM_ENOMEM; fails as pm_look_make does.
 pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_t *stop,
                     const char *path, FILE *out);

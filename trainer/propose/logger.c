@@ -330,7 +330,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     pm_logger_draft draft = {.seed = hints->seed};
     pm_dataset *dataset = NULL;
     char scene[PATH_MAX], training[PATH_MAX];
-    char *data_path = realpath(data, NULL), *scene_path = NULL, *text = NULL;
+    char *text = NULL;
     size_t size = 0;
     hidden_search *search = calloc(1, sizeof *search);
     FILE *comment = open_memstream(&text, &size);
@@ -339,7 +339,6 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
                            ? PM_OK
                            : pm_fail(PM_ENOMEM, "out of memory for a proposal");
     PM_TRY_DONE(status);
-    PM_TRY_DONE(data_path == NULL ? pm_fail(PM_EFILE, "%s: cannot be read", data) : PM_OK);
     if (snprintf(scene, sizeof scene, "%s/scene.yaml", folder) >= (int)sizeof scene ||
         snprintf(training, sizeof training, "%s/training.yaml", folder) >= (int)sizeof training) {
         status = pm_fail(PM_EUSAGE, "%s: the path is too long", folder);
@@ -352,7 +351,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     looked = true;
     search->dataset = dataset;
     search->hints = hints;
-    search->data_path = data_path;
+    search->data_path = data;
     search->first = draft.view;
     if (hints->budget > 0 && hints->hidden < 0) {
         PM_TRY_DONE(find_hidden(search));
@@ -365,11 +364,9 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     }
     describe(&draft.view);
     name_inputs(&draft.view);
-    draft.data_path = data_path;
+    draft.data_path = data;
     PM_TRY_DONE(pm_logger_write_scene(&draft, scene));
-    scene_path = realpath(scene, NULL);
-    PM_TRY_DONE(scene_path == NULL ? pm_fail(PM_EFILE, "%s: cannot be read", scene) : PM_OK);
-    draft.scene_path = scene_path;
+    draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     PM_TRY_DONE(choose_laws(&draft, &own, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
@@ -383,7 +380,5 @@ done:
     free(text);
     free(search);
     pm_dataset_free(dataset);
-    free(data_path);
-    free(scene_path);
     return status;
 }

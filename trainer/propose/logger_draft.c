@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/files.h"
+#include "base/path.h"
 #include "propose/logger_laws.h"
 #include "propose/search.h"
 
@@ -386,7 +387,9 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             }
         }
     }
-    fprintf(f, "reference: {file: \"%s\", trajectory: 0", draft->data_path);
+    char named[PATH_MAX];
+    fprintf(f, "reference: {file: \"%s\", trajectory: 0",
+            pm_path_seen_from(path, draft->data_path, named));
     if (v->hides || !v->even || !v->complete) {
         // Starts that nobody measures follow from the first samples.
         const double first = fmax(ceil(shortest * ESTIMATED_PART), FEWEST_SAMPLES);
@@ -697,7 +700,10 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         }
         fputs(count > 1 ? "\n" : "", w.f);
     }
-    fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"", draft->scene_path, draft->data_path);
+    char named[2][PATH_MAX];
+    fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"",
+            pm_path_seen_from(path, draft->scene_path, named[0]),
+            pm_path_seen_from(path, draft->data_path, named[1]));
     if (draft->most > 0) {
         fprintf(w.f, ", trajectories: \"0:%d\"", draft->most);
     }

@@ -20,7 +20,7 @@ typedef enum pm_logger_choice {
 
 typedef struct pm_logger_draft {
     pm_logger_view view;
-    const char *scene_path, *data_path; // as the files name them
+    const char *scene_path, *data_path;
     int seed;
     int most; // for a trial: the first trajectories, as measurements; 0: all
 } pm_logger_draft;

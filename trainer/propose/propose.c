@@ -103,8 +103,10 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                 lengths ? ", so that energies depend on the lengths of vectors" : "");
     }
     fputs(comment, f);
-    fprintf(f, "scene: %s\n", d->p->scene_path);
-    fprintf(f, "data: {file: %s", d->p->data_path);
+    char named[2][PATH_MAX];
+    fprintf(f, "scene: \"%s\"\ndata: {file: \"%s\"",
+            pm_path_seen_from(path, d->p->scene_path, named[0]),
+            pm_path_seen_from(path, d->p->data_path, named[1]));
     if (d->p->trajectories != NULL) {
         fprintf(f, ", trajectories: \"%s\"", d->p->trajectories);
     }
@@ -329,7 +331,6 @@ static pm_status write_proposal(const char *scene_path, const char *data, const 
                                 const char *output) {
     pm_scene *scene = NULL;
     pm_dataset *dataset = NULL;
-    char *scene_name = NULL, *data_name = NULL;
     pm_status status;
     PM_TRY_DONE(pm_scene_load(&scene, scene_path));
     for (int i = 0; i < scene->physics.nsubsystem && how->form != PM_FREE; ++i) {
@@ -347,18 +348,11 @@ static pm_status write_proposal(const char *scene_path, const char *data, const 
     PM_TRY_DONE(pm_dataset_load(&dataset, data));
     PM_TRY_DONE(pm_files_check_output(output, PM_PROPOSED)); // before the search, which takes time
     PM_TRY_DONE(pm_unit_change_apply(scene, dataset, true));
-    // Paths in a training file are relative to its folder. Absolute paths are valid everywhere.
-    scene_name = realpath(scene_path, NULL);
-    data_name = realpath(data, NULL);
-    if (scene_name == NULL || data_name == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory for a path");
-        goto done;
-    }
     pm_proposal proposal = *how;
     proposal.scene = scene;
     proposal.dataset = dataset;
-    proposal.scene_path = scene_name;
-    proposal.data_path = data_name;
+    proposal.scene_path = scene_path;
+    proposal.data_path = data;
     PM_TRY_DONE(pm_propose(&proposal, output));
     // A group whose unit is not known gets no role.
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
@@ -375,8 +369,6 @@ static pm_status write_proposal(const char *scene_path, const char *data, const 
     }
     printf("wrote %s\n", output);
 done:
-    free(scene_name);
-    free(data_name);
     pm_dataset_free(dataset);
     pm_scene_free(scene);
     return status;

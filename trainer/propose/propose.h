@@ -17,7 +17,7 @@
 typedef struct pm_proposal {
     const pm_scene *scene;
     const pm_dataset *dataset;
-    const char *scene_path; // the paths that are written into the training file
+    const char *scene_path; // which the training file names as seen from its folder
     const char *data_path;
     pm_form form;
     // What the fit takes of the dataset (data/split.h); NULL: all, and every fifth for validation.

@@ -42,8 +42,8 @@ typedef struct pm_hypotheses {
     pm_choice choice[PM_SEARCH_CHOICES]; // [count]
     // Writes the training file of the vector `chosen` [count] to `path`. `comment` are lines that
     // begin with "# ", for the head of the file, or "". Called in child processes, too, and for
-    // files in temporary folders, so that paths in the file must be absolute. The file names its
-    // data.
+    // files in temporary folders, so that paths in the file are as seen from its folder. It names
+    // its data.
     pm_status (*write)(void *context, const int *chosen, const char *comment, const char *path);
     void *context;
     // Set while the files of short fits are written, which may have smaller networks; or NULL.
