@@ -463,18 +463,17 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                                        pm_path_seen_from(path, t->scene->run.reference, seen)));
             }
             status = pm_arena_status(&arena, "a hypothesis");
-            status = status == PM_OK
-                         ? write_changed(scene, "", a->scene, c->count[1], c->change[1])
-                         : status;
+            status = status == PM_OK ? write_changed(scene, "", a->scene, c->count[1], c->change[1])
+                                     : status;
         }
         const char *data = getpid() == a->process ? a->named : a->data;
         change(c, 0, pm_yaml_get(a->training, "scene"), true,
                pm_arena_printf(&arena, "\"%s\"", pm_path_seen_from(path, scene, seen)));
         const pm_yaml block = pm_yaml_get(a->training, "data");
-        const char *named = pm_arena_printf(
-            &arena, "{file: \"%s\", trajectories: \"%s\", validation: \"%s\"}",
-            pm_path_seen_from(path, data, seen),
-            split->training, split->nvalidation > 0 ? split->validation : "none");
+        const char *named =
+            pm_arena_printf(&arena, "{file: \"%s\", trajectories: \"%s\", validation: \"%s\"}",
+                            pm_path_seen_from(path, data, seen), split->training,
+                            split->nvalidation > 0 ? split->validation : "none");
         if (pm_yaml_exists(block)) {
             change(c, 0, block, true, named);
         } else {

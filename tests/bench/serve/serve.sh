@@ -1,6 +1,7 @@
 #!/bin/sh
-# serve.sh PORTMETD BENCH CONFIGS PYTHON [RUNS [REST]]: what clients of `portmetd serve` wait for, in a private network (root), with
-# the memory, the threads and the descriptors of the service before and after; and what it takes while nothing is asked for REST s.
+# serve.sh PORTMETD BENCH CONFIGS PYTHON [RUNS [REST]]: what clients of `portmetd serve` wait for, in a private network
+# (root), with the memory, the threads and the descriptors of the service before and after; and what it takes while
+# nothing is asked for REST s.
 # `chrt -f 1 sh serve.sh ...` measures what a machine without other work does.
 . "$(dirname "$0")/../../support/private_network.sh"
 . "$(dirname "$0")/resources.sh"
