@@ -72,11 +72,12 @@ static const char *const fluxes[4] = {"energy_flux_a", "entropy_flux_a", "energy
 // The value references of an FMU (fmi/fmi3.c). Each member is the reference of the first variable
 // of its kind; the others follow it. The reference 0 is the time.
 typedef struct fmu_references {
-    int state, derivative, input, energy, entropy, flux, slope, reaction, departure, end;
+    int state, derivative, input, energy, entropy, flux, slope, reaction, departure, ledger, end;
 } fmu_references;
 
 // The kinds of variables.
 enum { EXACT, CALCULATED, LOCAL, INPUT, PARAMETER };
+enum { LEDGER = 3 }; // variables of the ledger
 
 typedef struct variable {
     const char *name, *unit, *description; // name NULL: the reference has no variable
@@ -319,6 +320,16 @@ static void write_nominals(FILE *file, const void *context) {
     }
 }
 
+// Writes the numbers of the energy fluxes into the outside.
+static void write_outside(FILE *file, const void *context) {
+    const pm_physics *physics = &((const fmu_writer *)context)->scene->physics;
+    for (int i = 0; i < 2 * physics->nport; ++i) {
+        if (physics->port[i / 2].boundary_input[i % 2] >= 0) {
+            fprintf(file, "%d, ", 2 * i);
+        }
+    }
+}
+
 // Sets a variable and returns it, so that more can be said of it.
 static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
     variable *v = &w->variable[reference];
@@ -400,6 +411,20 @@ static pm_status add_variables(fmu_writer *w) {
     }
     add(w, r->departure, CALCULATED, "outside_training_range", "1")->description =
         "distance to the states of the training, in widths of their range";
+    const bool driven = physics->nboundary_input > 0;
+    static const struct {
+        const char *name, *unit, *description, *of_driven;
+    } ledger[LEDGER] = {
+        {"energy_change", "J", "of all parts since the start: the integrator's error",
+         "since the start, of all parts and of what left to the outside (not in Model Exchange)"},
+        {"entropy_produced", "J/K", "since the start",
+         "since the start, with what left to the outside (not in Model Exchange)"},
+        {"power_residual", "W", "rate of the energy of all parts: rounding",
+         "rate of the energy of all parts and of the outside: rounding"}};
+    for (int i = 0; i < LEDGER && pm_system_without_energy(w->setup->system) < 0; ++i) {
+        add(w, r->ledger + i, CALCULATED, ledger[i].name, ledger[i].unit)->description =
+            driven ? ledger[i].of_driven : ledger[i].description;
+    }
     int position = 1; // the time is the first one
     for (int i = 1; i < r->end; ++i) {
         w->variable[i].position = w->variable[i].name == NULL ? 0 : ++position;
@@ -511,8 +536,11 @@ static void mark(const fmu_writer *w, int unknown, bool *known) {
         known[unknown] = true;
         return;
     }
-    if (unknown == r->departure) {
+    if (unknown >= r->departure) {
         memset(known + r->state, true, (size_t)physics->nz * sizeof *known);
+        for (int i = r->input; i < r->energy; ++i) {
+            known[i] = unknown == r->end - 1 && w->variable[i].name != NULL;
+        }
         return;
     }
     if (unknown >= r->reaction) {
@@ -692,6 +720,7 @@ static pm_status pack_all(fmu_writer *w) {
         {"%UNITS%", .write = write_units, .context = w},
         {"%VARIABLES%", .write = write_variables, .context = w},
         {"%STRUCTURE%", .write = write_structure, .context = w},
+        {"%OUTSIDE%", .write = write_outside, .context = w},
         {"%NOMINALS%", .write = write_nominals, .context = w},
         {"%AUTHOR%", .write = write_author, .context = w},
         {"%ROWS%", .write = write_rows, .context = w},
@@ -792,7 +821,8 @@ static pm_status open_writer(fmu_writer *w) {
     r->slope = r->flux + 4 * physics->nport;
     r->reaction = r->slope + 2 * physics->nz;
     r->departure = r->reaction + physics->nprescribed / 3;
-    r->end = r->departure + 1;
+    r->ledger = r->departure + 1;
+    r->end = r->ledger + LEDGER;
     PM_TRY(pm_scene_variable_names(&w->names, w->scene, w->arena));
     w->first = pm_arena_array(w->arena, (size_t)physics->nprescribed, sizeof *w->first);
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));

@@ -246,8 +246,12 @@ static pm_status write_functions(scene_writer *w) {
         return pm_fail(PM_ENOMEM, "out of memory for a source file");
     }
     pm_source_prelude(file);
-    fprintf(file, "\nenum { STATES = %d, SUBSYSTEMS = %d, PORT_RATES = %d };\n", physics->nz,
-            physics->nsubsystem, rates + 1);
+    int outside = 0; // numbers that leave: energy and entropy through each end
+    for (int i = 0; i < 2 * physics->nport; ++i) {
+        outside += physics->port[i / 2].boundary_input[i % 2] >= 0 ? 2 : 0;
+    }
+    fprintf(file, "\nenum { STATES = %d, SUBSYSTEMS = %d, PORT_RATES = %d, OUTSIDE = %d };\n",
+            physics->nz, physics->nsubsystem, rates + 1, outside);
     pm_status status = PM_OK;
     for (int i = 0; i < physics->nsubsystem && status == PM_OK; ++i) {
         owner = physics->subsystem[i].name;
@@ -454,6 +458,30 @@ static void write_outputs(FILE *file, const void *context) {
     }
 }
 
+// Writes what a stage adds to the fluxes into the outside: the terms in the order of sim/lanes.c.
+static void write_books(FILE *file, const void *context) {
+    const scene_writer *w = context;
+    const pm_physics *physics = &w->scene->physics;
+    int out = 0;
+    for (int i = 0; i < physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i];
+        for (int end = 0, at = w->port[i].first; end < 2; at += port->layout[end].nz, ++end) {
+            if (port->boundary_input[end] < 0) {
+                continue;
+            }
+            const pm_scene_boundary_input *b = &physics->boundary_input[port->boundary_input[end]];
+            for (int k = 1; k <= 2; ++k) {
+                fprintf(file, "    out[%d] += 0.0", out++);
+                for (int c = 0; c < port->layout[end].nz && w->port[i].law != NULL; ++c) {
+                    fprintf(file, " + weight * (u[%d] * port[%d])",
+                            b->first + k * b->layout.nz + port->component[end][c], at + c);
+                }
+                fputs(";\n", file);
+            }
+        }
+    }
+}
+
 // Writes the range of each group of each subsystem in training, and a row that ends the list.
 static void write_ranges(FILE *file, const void *context) {
     const scene_writer *w = context;
@@ -502,6 +530,9 @@ static void write_substep(FILE *file, const void *context) {
         fprintf(file, "), %d);\n        }\n", stage);
         fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port%s);\n",
                 stage == 0 ? "z" : "next", stage, w->inner ? ", inner" : "");
+        fputs("        book(s->u, port, ", file);
+        pm_source_number(file, rk->b[stage]);
+        fputs(" / substeps, out);\n", file);
     }
     write_combination(file, rk->nstage, rk->b, "z");
 }
@@ -629,6 +660,7 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%OUTPUTS%", .write = write_outputs, .context = &plain},
         {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
         {"%SUBSTEP%", .write = write_substep, .context = &w},
+        {"%BOOKS%", .write = write_books, .context = &w},
         {"%RANGES%", .write = write_ranges, .context = &w},
         {"%INNER_RESULT%", .text = w.inner ? ", double *inner" : ""},
         {"%INNER_ARGUMENT%", .text = w.inner ? ", const double *inner" : ""},

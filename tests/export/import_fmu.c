@@ -130,6 +130,24 @@ static void compare(const fmu *f, const portmet_scene *scene, size_t ninput, lon
             exit(1);
         }
     }
+    // The ledger: changes of the energy and of the entropy, with what left to the outside.
+    size_t nflux;
+    const double *ledger = portmet_scene_array(scene, PORTMET_LEDGER, NULL);
+    portmet_scene_array(scene, PORTMET_FLUX, &nflux);
+    for (int i = 0; i < 2; ++i) {
+        const fmi3ValueReference r =
+            (fmi3ValueReference)(2 + 4 * nz + ninput + ninput / 3 + 2 * ns + nflux / 2) +
+            (fmi3ValueReference)i;
+        const double expected = i == 0
+                                    ? ledger[PORTMET_TOTAL_ENERGY] - ledger[PORTMET_FIRST_ENERGY]
+                                    : ledger[PORTMET_TOTAL_ENTROPY] - ledger[PORTMET_FIRST_ENTROPY];
+        double found;
+        require(CALL(f, values, "fmi3GetFloat64")(f->cs, &r, 1, &found, 1), "the ledger");
+        if (memcmp(&found, &expected, sizeof found) != 0) {
+            printf("FAILED: step %ld, ledger %d: %.17g, expected %.17g\n", k, i, found, expected);
+            exit(1);
+        }
+    }
 }
 
 static void step_both(const fmu *f, portmet_scene *scene, const double *first, size_t ninput,

@@ -2,7 +2,7 @@
 // An exported scene as an FMU, for Model Exchange and Co-Simulation (FMI 3.0.1). model.h names the
 // scene and says which value references its variables have: 0 is the time; then come the states,
 // their derivatives, the inputs, the energies, the entropies, the fluxes, the co-energies dE and
-// dS, the reactions and the distance to the range of the training. All are Float64.
+// dS, the reactions, the distance to the range of the training, and the ledger. All are Float64.
 #include "fmi3.h"
 
 #include <math.h>
@@ -37,6 +37,9 @@ enum {
     FIRST_SLOPE = FIRST_FLUX + FLUXES,
     FIRST_REACTION = FIRST_SLOPE + 2 * STATES,
     DEPARTURE = FIRST_REACTION + INPUTS / 3,
+    ENERGY_CHANGE,
+    ENTROPY_PRODUCED,
+    POWER_RESIDUAL,
     END
 };
 
@@ -45,7 +48,8 @@ typedef enum { INSTANTIATED, INITIALIZING, EVENT, CONTINUOUS, STEP, TERMINATED }
 // A saved state of the FMU. It holds no pointer, so that its bytes can be serialized.
 typedef struct {
     MODEL_NAME scene;
-    double start; // time at which the run began
+    double start;    // time at which the run began
+    double first[2]; // energy, J, and entropy, J/K, of all parts at that time
     phase phase;
 } contents;
 
@@ -54,7 +58,7 @@ typedef struct {
     contents now;
     bool known;
     SCENE(_results) results;
-    double departure;
+    double other;               // result that was computed last
     bool co_simulation, events; // events: an importer enters event mode before the first step
     fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
@@ -88,6 +92,28 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance i, fmi3Boolean on, size_t n, const f
 }
 
 // --- life ---
+
+// Returns a sum with the bits of the program's own sums, which depend on no order: numbers are cut
+// into pieces at fixed powers of two (Demmel and Nguyen, IEEE Trans. Comput. 64, 2015).
+static double total(const double x[]) {
+    double most = 0, part[3] = {0};
+    int exponent = 0;
+    for (int k = 0; k < SUBSYSTEMS; ++k) {
+        most = fmax(most, fabs(x[k]));
+    }
+    frexp(most, &exponent);
+    const int top = exponent <= -910 ? 5 : exponent >= 910 ? 75 : (exponent + 1040) / 26;
+    for (int k = 0; k < SUBSYSTEMS; ++k) {
+        double rest = x[k];
+        for (int i = 0; i < 3; ++i) {
+            const double rounder = ldexp(6755399441055744.0, 26 * (top - i - 40));
+            const double piece = (rest + rounder) - rounder;
+            part[i] += piece;
+            rest -= piece;
+        }
+    }
+    return part[0] + (part[1] + part[2]);
+}
 
 static fmi3Instance make(fmi3String token, fmi3InstanceEnvironment environment,
                          fmi3LogMessageCallback log) {
@@ -163,6 +189,9 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance i) {
     }
     instance *m = i;
     m->now.phase = m->co_simulation && !m->events ? STEP : EVENT;
+    SCENE(_outputs)(m->now.scene.z, m->now.scene.u, &m->results);
+    m->now.first[0] = total(m->results.energy);
+    m->now.first[1] = total(m->results.entropy);
     return fmi3OK;
 }
 
@@ -226,6 +255,30 @@ static double *result_of(SCENE(_results) * results, fmi3ValueReference r) {
                                       : NULL;
 }
 
+// Returns how far the energy, or the entropy, of all parts and of what left to the outside has
+// changed since the start.
+static double change(const instance *m, int entropy) {
+    const double *parts = entropy ? m->results.entropy : m->results.energy;
+    return m->now.phase < EVENT ? 0
+                                : total(parts) + m->now.scene.left[entropy] - m->now.first[entropy];
+}
+
+// Returns the rate at which the energy of all parts and of the outside changes.
+static double power_residual(const instance *m) {
+    static const int outside[] = {MODEL_OUTSIDE};
+    const double du[INPUTS + 1] = {0};
+    SCENE(_results) d;
+    SCENE(_tangent)(m->now.scene.z, m->results.rate, m->now.scene.u, du, &d);
+    double sum = 0;
+    for (int k = 0; k < SUBSYSTEMS; ++k) {
+        sum += d.energy[k];
+    }
+    for (int k = 0; outside[k] >= 0; ++k) {
+        sum += m->results.flux[outside[k]];
+    }
+    return sum;
+}
+
 // Returns where the value of a reference is; NULL: there is no such reference.
 static double *value_of(instance *m, fmi3ValueReference r) {
     if (r == 0) {
@@ -238,12 +291,16 @@ static double *value_of(instance *m, fmi3ValueReference r) {
         return &m->now.scene.u[r - FIRST_INPUT];
     }
     if (r == DEPARTURE) {
-        m->departure = SCENE(_departure)(m->now.scene.z);
-        return &m->departure;
+        m->other = SCENE(_departure)(m->now.scene.z);
+        return &m->other;
     }
     if (!m->known) {
         SCENE(_outputs)(m->now.scene.z, m->now.scene.u, &m->results);
         m->known = true;
+    }
+    if (r > DEPARTURE && r < END) {
+        m->other = r == POWER_RESIDUAL ? power_residual(m) : change(m, r == ENTROPY_PRODUCED);
+        return &m->other;
     }
     return result_of(&m->results, r);
 }
