@@ -17,7 +17,7 @@
 #include "sim/score.h"
 #include "study/rollout.h"
 
-#define BUDGET 60.0          // s, by default
+#define BUDGET 60.0          // s of CPU time, by default
 #define ERROR 0.01           // %, that the advice is for by default
 #define STARTS 48            // rollouts of each setting
 #define TRAJECTORIES 16      // of the reference among the starts, besides the scene's own
@@ -219,7 +219,7 @@ static int by_time(const void *left, const void *right) {
 
 // The advice was chosen from few starts, as the one that looks best. Measures the fastest settings
 // that look good enough from other starts, until the fastest one is.
-static pm_status choose(bench *b, double target, double end) {
+static pm_status choose(bench *b, double target, double *left) {
     for (int turn = 0; turn < MOST_CHOICES && b->nfresh > b->nstart; ++turn) {
         setting *sorted[MOST_SETTINGS];
         int count = 0;
@@ -240,8 +240,8 @@ static pm_status choose(bench *b, double target, double end) {
         for (int i = 0; i < CHOICES * FRESH * STARTS; ++i) {
             b->error[i] = -1;
         }
-        PM_TRY(pm_rollout_parallel(0, (b->nfresh + BLOCK - 1) / BLOCK, measure_again, b,
-                                   end - pm_clock(), "other starts", b->options->stop));
+        PM_TRY(pm_rollout_parallel(0, (b->nfresh + BLOCK - 1) / BLOCK, measure_again, b, left,
+                                   "other starts", b->options->stop));
         for (int c = 0; c < b->nchoice; ++c) {
             double *error = b->error + c * FRESH * STARTS;
             double *faster = b->faster + c * FRESH * STARTS;
@@ -419,7 +419,8 @@ static pm_status report(const bench *b, double target) {
 static pm_status execute(const pm_run_options *options) {
     bench b = {.options = options};
     const double budget = options->budget > 0 ? options->budget : BUDGET;
-    const double target = options->error > 0 ? options->error : ERROR, end = pm_clock() + budget;
+    const double target = options->error > 0 ? options->error : ERROR;
+    double left = budget;
     pm_rollout_result trial;
     pm_status status;
     if (options->processes) {
@@ -500,8 +501,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     // The second reference is compared with the first.
     for (int i = -2; i < 0; ++i) {
-        PM_TRY_DONE(
-            pm_rollout_parallel(i, 1, measure, &b, end - pm_clock(), "reference", options->stop));
+        PM_TRY_DONE(pm_rollout_parallel(i, 1, measure, &b, &left, "reference", options->stop));
     }
     if (!b.reference[1].done || !b.reference[0].served || !b.reference[1].served) {
         status = pm_fail(PM_EBROKEN, "bench: no reference: %.200s",
@@ -510,9 +510,8 @@ static pm_status execute(const pm_run_options *options) {
                              : "it takes more than the --budget: allow more, or fewer --steps");
         goto done;
     }
-    PM_TRY_DONE(
-        pm_rollout_parallel(0, b.nsetting, measure, &b, end - pm_clock(), "bench", options->stop));
-    PM_TRY_DONE(choose(&b, target / 100, end));
+    PM_TRY_DONE(pm_rollout_parallel(0, b.nsetting, measure, &b, &left, "bench", options->stop));
+    PM_TRY_DONE(choose(&b, target / 100, &left));
     status = report(&b, target / 100);
 done:
     free(b.text);
@@ -536,8 +535,9 @@ const pm_command pm_command_bench = {
         "second.\n"
         "The last line is the fastest setting for the error asked for; --write writes a scene "
         "with\n"
-        "it. The same --seed takes the same starts. Exit code 14: no setting reaches that "
-        "error.\n\n"
+        "it. The same --seed takes the same starts. The --budget is CPU time of the busiest "
+        "process.\n"
+        "Exit code 14: no setting reaches that error.\n\n"
         "With --processes it runs the scene in one process, in a process for each subsystem, and "
         "in as\n"
         "many as there are cores, cut by cost, with windows of 1 to 64 steps, and prints what a "

@@ -14,7 +14,7 @@
 #include "base/python.h"
 #include "study/rollout.h"
 
-#define BUDGET 60.0     // s, by default
+#define BUDGET 60.0     // s of CPU time, by default
 #define SHARE 0.4       // of the budget that all rollouts but the long one are planned to take
 #define LONG_SHARE 0.25 // of the budget for the long one
 #define LONG 1000000    // steps of the long one, or
@@ -272,8 +272,8 @@ static pm_status execute(const pm_run_options *options) {
     stress t = {.options = options};
     pm_start start[WIDTHS][INSIDE];
     int nstart[WIDTHS];
-    const double started = pm_clock();
     const double budget = options->budget > 0 ? options->budget : BUDGET;
+    double left = budget;
     pm_rollout_result trial;
     pm_status status;
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
@@ -348,8 +348,7 @@ static pm_status execute(const pm_run_options *options) {
         add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
         t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
     }
-    PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, started + budget - pm_clock(),
-                                    "stress", options->stop));
+    PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, &left, "stress", options->stop));
     status = report(&t);
 done:
     free(t.text);
@@ -366,8 +365,9 @@ const pm_command pm_command_stress = {
         "widths of it beyond, with steps of 2, 4, ... 32 times the length, and of twice as much\n"
         "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
         "step; with a subsystem that is set to another state in the middle; and for a million\n"
-        "steps, or as many as fit into a quarter of the --budget (--compiled: three times as\n"
-        "many). Prints for each kind how many rollouts were good, drifted (the total energy by\n"
+        "steps, or as many as fit into a quarter of the --budget of CPU time of the busiest\n"
+        "process (--compiled: three times as many). Prints for each kind how many rollouts were "
+        "good, drifted (the total energy by\n"
         "more than 1 % of the energy that moves) or broke (an error, a violated law, no\n"
         "convergence, a drift of 10 %), the largest drift and fall of the entropy, the steps\n"
         "outside the training range, and a map of start and step. --write writes the scene of the\n"

@@ -52,9 +52,13 @@ done:
     return status;
 }
 
-static double cpu_clock(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+// Returns the CPU time of a process, in s; 0: this one.
+static double cpu_clock(pid_t process) {
+    struct timespec now = {0};
+    clockid_t clock;
+    if (clock_getcpuclockid(process, &clock) == 0) {
+        clock_gettime(clock, &now);
+    }
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
@@ -82,7 +86,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
         memcpy(first, run.sample.energy, (size_t)physics->nsubsystem * sizeof *first);
     }
     double size = 0; // J, of all energies
-    const double started = cpu_clock();
+    const double started = cpu_clock(0);
     while (status == PM_OK) {
         const long step = run.sample.step;
         double moved = 0, least = 0, sum = 0;
@@ -96,7 +100,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
             memcpy(z + (size_t)step * nz, run.sample.z, nz * sizeof *z);
         }
         if (step >= spec->stepping.steps ||
-            (spec->seconds > 0 && cpu_clock() - started > spec->seconds)) {
+            (spec->seconds > 0 && cpu_clock(0) - started > spec->seconds)) {
             break;
         }
         if (spec->set != NULL && step == spec->stepping.steps / 2) {
@@ -144,7 +148,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
         result->outside += least > 0;
         result->steps += status == PM_OK;
     }
-    result->seconds = cpu_clock() - started;
+    result->seconds = cpu_clock(0) - started;
     result->status = status;
     snprintf(result->why, sizeof result->why, "%s", status == PM_OK ? "" : pm_error());
     result->drift = run.ledger.energy_drift;
@@ -235,7 +239,7 @@ void *pm_rollout_shared(size_t count, size_t size) {
 }
 
 pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, int i),
-                              void *context, double seconds, const char *label,
+                              void *context, double *left, const char *label,
                               const volatile sig_atomic_t *stop) {
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
     const int nworker = (int)(cores < 1 ? 1 : cores > MOST_WORKERS ? MOST_WORKERS : cores);
@@ -257,14 +261,16 @@ pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, 
             _exit(0);
         }
     }
-    const double started = pm_clock();
-    int left = nworker;
-    bool ended = false;
+    int alive = nworker;
+    double used = 0; // by the busiest worker
     pm_progress_init(&progress, label, count);
-    while (left > 0) {
+    while (alive > 0) {
         const int done = atomic_load(next);
-        ended = *stop != 0 || pm_clock() - started > seconds;
-        left = 0;
+        for (int k = 0; k < nworker; ++k) {
+            used = worker[k] > 0 ? fmax(used, cpu_clock(worker[k])) : used;
+        }
+        const bool ended = *stop != 0 || used > *left;
+        alive = 0;
         for (int k = 0; k < nworker; ++k) {
             if (worker[k] > 0 && ended) {
                 kill(worker[k], SIGKILL);
@@ -272,12 +278,13 @@ pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, 
             if (worker[k] > 0 && waitpid(worker[k], NULL, ended ? 0 : WNOHANG) != 0) {
                 worker[k] = 0;
             }
-            left += worker[k] > 0;
+            alive += worker[k] > 0;
         }
         pm_progress_update(&progress, done < count ? done : count, NULL);
-        nanosleep(&(struct timespec){.tv_nsec = left > 0 ? LOOK : 0}, NULL);
+        nanosleep(&(struct timespec){.tv_nsec = alive > 0 ? LOOK : 0}, NULL);
     }
     pm_progress_finish(&progress);
+    *left -= used;
     munmap(next, sizeof *next + 1);
     return *stop != 0 ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK;
 }

@@ -73,10 +73,11 @@ int pm_rollout_starts(const pm_setup *setup, uint64_t seed, int trajectories, in
 
 // Does work(context, i) for each of the `count` numbers i from `first` on in as many child
 // processes as there are cores. The results must lie in memory from pm_rollout_shared. Returns
-// after all are done, or after `seconds`, when what is not yet done is left out. `label` names the
-// progress bar. PM_EINTERRUPTED; PM_ENOMEM.
+// after all are done, or when the busiest process has used *left seconds of CPU time, when what is
+// not yet done is left out. What it used is taken from *left. `label` names the progress bar.
+// PM_EINTERRUPTED; PM_ENOMEM.
 pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, int i),
-                              void *context, double seconds, const char *label,
+                              void *context, double *left, const char *label,
                               const volatile sig_atomic_t *stop);
 
 // Returns zeroed memory that child processes share, or NULL. It is freed at the end of the program.
