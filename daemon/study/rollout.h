@@ -41,7 +41,7 @@ typedef struct pm_rollout_result {
     pm_status status; // PM_OK: it has taken all its steps, or its time was over
     char why[200];    // the error
     long steps;       // taken
-    double seconds;   // of CPU time
+    double seconds;   // of CPU time, for all steps as for those after the first one
     double drift;     // J, largest drift of the total energy
     double moved;     // J, largest sum over the subsystems of how far their energies have moved
     double rounding;  // J, that rounding alone may add to the drift

@@ -22,14 +22,6 @@
 // Links one and two of a pair. Further ones start near the second.
 static const double start[2 * NZ] = {4.5, 4.4, -0.5, 1.4, -0.1, -2.7, 0.1, 1.4, -0.2, 0.1};
 
-// Writes lists of `count` / `processes` rows of links each.
-static void write_lists(FILE *file, const many_links *what, int count, const char *axes) {
-    for (int i = 0; i < what->processes; ++i) {
-        fprintf(file, "%s  process%d: \"link[%ld:%ld]%s\"\n", i == 0 ? "processes:\n" : "", i,
-                (long)count * i / what->processes, (long)count * (i + 1) / what->processes, axes);
-    }
-}
-
 static void write_chain(FILE *file, const many_links *what) {
     const int n = what->links;
     fprintf(file,
@@ -38,20 +30,16 @@ static void write_chain(FILE *file, const many_links *what) {
             "  \"link[1:%d]\": " LOWER "\nports:\n"
             "  \"joint[0:%d]\": {" JOINT("link[i]", "link[i+1]"),
             n, n - 1);
-    write_lists(file, what, n, "");
 }
 
 static void write_grid(FILE *file, const many_links *what) {
     const int side = (int)fmax(2, floor(sqrt((double)what->links) + 1e-9));
-    char axes[32];
     fprintf(file,
             "subsystems:\n  \"link[0:%d][0:%d]\": " LOWER "\nports:\n"
             "  \"right[0:%d][0:%d]\": {" JOINT(
                 "link[i][j]", "link[i][j+1]") "  \"down[0:%d][0:%d]\": {" JOINT("link[i][j]",
                                                                                 "link[i+1][j]"),
             side, side, side, side - 1, side - 1, side);
-    snprintf(axes, sizeof axes, "[0:%d]", side);
-    write_lists(file, what, side, axes);
 }
 
 // Draws a random tree and as many further joints, and writes them to a table.
@@ -83,7 +71,6 @@ static void write_network(FILE *file, const many_links *what, const char *table)
             "  \"joint[0:%d]\": {table: {file: \"%s\", dataset: joints},\n    " JOINT("link[a]",
                                                                                       "link[b]"),
             what->links, 2 * (what->links - 1), table);
-    write_lists(file, what, what->links, "");
 }
 
 static pm_status parse(pm_scene **scene, const many_links *what, const char *table) {

@@ -11,7 +11,6 @@ typedef struct many_links {
     const char *shape;      // "chain", "grid" or "network"
     const char *integrator; // of a step of 1 us
     int links;              // of a grid, the next smaller square, at least four
-    int processes;          // that share the links; 0: there are no lists of processes
     long steps;
 } many_links;
 

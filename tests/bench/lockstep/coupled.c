@@ -12,7 +12,6 @@
 #include "lockstep/coordinator.h"
 #include "lockstep/lookahead.h"
 #include "lockstep/node.h"
-#include "tests/bench/run_coordinator.h"
 #include "tests/support/memory_hub.h"
 #include "tests/support/together.h"
 
@@ -26,6 +25,16 @@ typedef struct watch {
     int npid;
     double cpu[2], bytes[2]; // at the beginning and at the end
 } watch;
+
+// Polls a coordinator until the run is over, and returns its result.
+static pm_status run_coordinator(pm_lockstep_coordinator *c) {
+    while (!pm_lockstep_coordinator_finished(c)) {
+        const double now = pm_clock(), next = pm_lockstep_coordinator_poll(c, now);
+        const double wait = next - now < 0.1 ? next - now : 0.1;
+        PM_TRY(pm_transport_wait(pm_lockstep_coordinator_transport(c), wait > 0 ? wait : 0, NULL));
+    }
+    return pm_lockstep_coordinator_result(c);
+}
 
 // s, of this process and those it watches.
 static double cpu_of_all(const watch *w) {
