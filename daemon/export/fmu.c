@@ -320,16 +320,6 @@ static void write_nominals(FILE *file, const void *context) {
     }
 }
 
-// Writes the numbers of the energy fluxes into the outside.
-static void write_outside(FILE *file, const void *context) {
-    const pm_physics *physics = &((const fmu_writer *)context)->scene->physics;
-    for (int i = 0; i < 2 * physics->nport; ++i) {
-        if (physics->port[i / 2].boundary_input[i % 2] >= 0) {
-            fprintf(file, "%d, ", 2 * i);
-        }
-    }
-}
-
 // Sets a variable and returns it, so that more can be said of it.
 static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
     variable *v = &w->variable[reference];
@@ -705,6 +695,12 @@ static pm_status pack_all(fmu_writer *w) {
     const char *const dt = pm_arena_printf(w->arena, "%.17g", physics->dt);
     const double guard = w->scene->run.largest_departure;
     const bool guarded = isfinite(guard);
+    const char *outside = ""; // numbers of the energy fluxes into it
+    for (int i = 0; i < 2 * physics->nport && outside != NULL; ++i) {
+        if (physics->port[i / 2].boundary_input[i % 2] >= 0) {
+            outside = pm_arena_printf(w->arena, "%s%d, ", outside, 2 * i);
+        }
+    }
     const pm_template_value value[] = {
         {"%NAME%", .text = w->scene->name},
         {"%VERSION%", .text = PM_VERSION},
@@ -720,7 +716,7 @@ static pm_status pack_all(fmu_writer *w) {
         {"%UNITS%", .write = write_units, .context = w},
         {"%VARIABLES%", .write = write_variables, .context = w},
         {"%STRUCTURE%", .write = write_structure, .context = w},
-        {"%OUTSIDE%", .write = write_outside, .context = w},
+        {"%OUTSIDE%", .text = outside},
         {"%NOMINALS%", .write = write_nominals, .context = w},
         {"%AUTHOR%", .write = write_author, .context = w},
         {"%ROWS%", .write = write_rows, .context = w},

@@ -458,30 +458,6 @@ static void write_outputs(FILE *file, const void *context) {
     }
 }
 
-// Writes what a stage adds to the fluxes into the outside: the terms in the order of sim/lanes.c.
-static void write_books(FILE *file, const void *context) {
-    const scene_writer *w = context;
-    const pm_physics *physics = &w->scene->physics;
-    int out = 0;
-    for (int i = 0; i < physics->nport; ++i) {
-        const pm_scene_port *port = &physics->port[i];
-        for (int end = 0, at = w->port[i].first; end < 2; at += port->layout[end].nz, ++end) {
-            if (port->boundary_input[end] < 0) {
-                continue;
-            }
-            const pm_scene_boundary_input *b = &physics->boundary_input[port->boundary_input[end]];
-            for (int k = 1; k <= 2; ++k) {
-                fprintf(file, "    out[%d] += 0.0", out++);
-                for (int c = 0; c < port->layout[end].nz && w->port[i].law != NULL; ++c) {
-                    fprintf(file, " + weight * (u[%d] * port[%d])",
-                            b->first + k * b->layout.nz + port->component[end][c], at + c);
-                }
-                fputs(";\n", file);
-            }
-        }
-    }
-}
-
 // Writes the range of each group of each subsystem in training, and a row that ends the list.
 static void write_ranges(FILE *file, const void *context) {
     const scene_writer *w = context;
@@ -515,7 +491,8 @@ static void write_combination(FILE *file, int n, const double *weight, const cha
 
 static void write_substep(FILE *file, const void *context) {
     const scene_writer *w = context;
-    const pm_integrator *rk = w->scene->physics.integrator;
+    const pm_physics *physics = &w->scene->physics;
+    const pm_integrator *rk = physics->integrator;
     for (int stage = 0; stage < rk->nstage; ++stage) {
         double at = 0;
         for (int i = 0; i < stage; ++i) {
@@ -530,9 +507,31 @@ static void write_substep(FILE *file, const void *context) {
         fprintf(file, "), %d);\n        }\n", stage);
         fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port%s);\n",
                 stage == 0 ? "z" : "next", stage, w->inner ? ", inner" : "");
-        fputs("        book(s->u, port, ", file);
+        // What the stage adds to the fluxes into the outside: the terms in the order of
+        // sim/lanes.c.
+        fputs("        weight = ", file);
         pm_source_number(file, rk->b[stage]);
-        fputs(" / substeps, out);\n", file);
+        fputs(" / substeps;\n", file);
+        int out = 0;
+        for (int i = 0; i < physics->nport; ++i) {
+            const pm_scene_port *port = &physics->port[i];
+            for (int end = 0, from = w->port[i].first; end < 2;
+                 from += port->layout[end].nz, ++end) {
+                if (port->boundary_input[end] < 0) {
+                    continue;
+                }
+                const pm_scene_boundary_input *b =
+                    &physics->boundary_input[port->boundary_input[end]];
+                for (int k = 1; k <= 2; ++k) {
+                    fprintf(file, "    out[%d] += 0.0", out++);
+                    for (int c = 0; c < port->layout[end].nz && w->port[i].law != NULL; ++c) {
+                        fprintf(file, " + weight * (s->u[%d] * port[%d])",
+                                b->first + k * b->layout.nz + port->component[end][c], from + c);
+                    }
+                    fputs(";\n", file);
+                }
+            }
+        }
     }
     write_combination(file, rk->nstage, rk->b, "z");
 }
@@ -660,7 +659,6 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%OUTPUTS%", .write = write_outputs, .context = &plain},
         {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
         {"%SUBSTEP%", .write = write_substep, .context = &w},
-        {"%BOOKS%", .write = write_books, .context = &w},
         {"%RANGES%", .write = write_ranges, .context = &w},
         {"%INNER_RESULT%", .text = w.inner ? ", double *inner" : ""},
         {"%INNER_ARGUMENT%", .text = w.inner ? ", const double *inner" : ""},

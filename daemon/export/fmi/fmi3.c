@@ -255,30 +255,6 @@ static double *result_of(SCENE(_results) * results, fmi3ValueReference r) {
                                       : NULL;
 }
 
-// Returns how far the energy, or the entropy, of all parts and of what left to the outside has
-// changed since the start.
-static double change(const instance *m, int entropy) {
-    const double *parts = entropy ? m->results.entropy : m->results.energy;
-    return m->now.phase < EVENT ? 0
-                                : total(parts) + m->now.scene.left[entropy] - m->now.first[entropy];
-}
-
-// Returns the rate at which the energy of all parts and of the outside changes.
-static double power_residual(const instance *m) {
-    static const int outside[] = {MODEL_OUTSIDE};
-    const double du[INPUTS + 1] = {0};
-    SCENE(_results) d;
-    SCENE(_tangent)(m->now.scene.z, m->results.rate, m->now.scene.u, du, &d);
-    double sum = 0;
-    for (int k = 0; k < SUBSYSTEMS; ++k) {
-        sum += d.energy[k];
-    }
-    for (int k = 0; outside[k] >= 0; ++k) {
-        sum += m->results.flux[outside[k]];
-    }
-    return sum;
-}
-
 // Returns where the value of a reference is; NULL: there is no such reference.
 static double *value_of(instance *m, fmi3ValueReference r) {
     if (r == 0) {
@@ -298,8 +274,21 @@ static double *value_of(instance *m, fmi3ValueReference r) {
         SCENE(_outputs)(m->now.scene.z, m->now.scene.u, &m->results);
         m->known = true;
     }
-    if (r > DEPARTURE && r < END) {
-        m->other = r == POWER_RESIDUAL ? power_residual(m) : change(m, r == ENTROPY_PRODUCED);
+    if (r == ENERGY_CHANGE || r == ENTROPY_PRODUCED) { // with what left to the outside
+        const int k = r == ENTROPY_PRODUCED;
+        m->other = total(k ? m->results.entropy : m->results.energy) + m->now.scene.left[k];
+        m->other = m->now.phase < EVENT ? 0 : m->other - m->now.first[k];
+        return &m->other;
+    }
+    if (r == POWER_RESIDUAL) { // rate of the energy of all parts and of the outside
+        static const int outside[] = {MODEL_OUTSIDE};
+        const double du[INPUTS + 1] = {0};
+        SCENE(_results) d;
+        SCENE(_tangent)(m->now.scene.z, m->results.rate, m->now.scene.u, du, &d);
+        m->other = total(d.energy);
+        for (int k = 0; outside[k] >= 0; ++k) {
+            m->other += m->results.flux[outside[k]];
+        }
         return &m->other;
     }
     return result_of(&m->results, r);
