@@ -438,8 +438,8 @@ static pm_status execute(const pm_run_options *options) {
     const pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};
     pm_rollout_run(&b.base, &b.start[0], &spec, NULL, &trial);
     if (b.nstart < 1 || trial.steps < 1) {
-        status = pm_fail(trial.status == PM_OK ? PM_ENOMEM : trial.status, "bench: %s", trial.why);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(trial.status == PM_OK ? PM_ENOMEM : trial.status, "bench: %s", trial.why));
     }
     const double cost = trial.seconds / (double)trial.steps / rounds; // s, of an exchange
     const double fit = SHARE * budget / (cost * fmax(ALL_ROUNDS, ALL_TIMES * rounds) * b.nstart);
@@ -461,8 +461,7 @@ static pm_status execute(const pm_run_options *options) {
                                  FRESH * b.nstart, 0, &b.base.arena, b.fresh);
     if (b.setting == NULL || b.reference == NULL || b.truth == NULL || b.produced == NULL ||
         b.error == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory for a bench");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENOMEM, "out of memory for a bench"));
     }
     b.other = b.produced + STARTS;
     // All settings; the scene's own comes first.
@@ -504,11 +503,10 @@ static pm_status execute(const pm_run_options *options) {
         PM_TRY_DONE(pm_rollout_parallel(i, 1, measure, &b, &left, "reference", options->stop));
     }
     if (!b.reference[1].done || !b.reference[0].served || !b.reference[1].served) {
-        status = pm_fail(PM_EBROKEN, "bench: no reference: %.200s",
-                         b.reference[1].done
-                             ? b.reference[0].first.why
-                             : "it takes more than the --budget: allow more, or fewer --steps");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EBROKEN, "bench: no reference: %.200s",
+                            b.reference[1].done
+                                ? b.reference[0].first.why
+                                : "it takes more than the --budget: allow more, or fewer --steps"));
     }
     PM_TRY_DONE(pm_rollout_parallel(0, b.nsetting, measure, &b, &left, "bench", options->stop));
     PM_TRY_DONE(choose(&b, target / 100, &left));

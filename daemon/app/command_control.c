@@ -58,8 +58,8 @@ static pm_status read_trajectory(pm_arena *arena, const pm_run_options *options,
     }
     PM_TRY(pm_dataset_load(&data, path));
     if (k < 0 || k >= data->ntrajectory) {
-        status = pm_fail(PM_EDATA, "%s: trajectory %ld, there are %d", path, k, data->ntrajectory);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EDATA, "%s: trajectory %ld, there are %d", path, k, data->ntrajectory));
     }
     PM_TRY_DONE(pm_columns_bind(&columns, scene, data, arena));
     r->nz = scene->physics.nz;
@@ -100,9 +100,8 @@ static pm_status control(const pm_run_options *options, int8_t kind, const char 
         char *end;
         r->pace = strtod(options->pace, &end);
         if (end == options->pace || *end != 0 || r->pace < 0) {
-            status = pm_fail(PM_EUSAGE, "--pace: expected a number of at least 0, found \"%s\"",
-                             options->pace);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EUSAGE, "--pace: expected a number of at least 0, found \"%s\"",
+                                options->pace));
         }
         r->pace = r->pace == 0 ? -1 : r->pace;
     }

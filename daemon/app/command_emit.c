@@ -278,9 +278,8 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(e.path == NULL ? pm_fail(PM_EFILE, "%s: %s", options->name, strerror(errno))
                                : PM_OK);
     if (!systemd && strcmp(options->scene, "procman") != 0) {
-        status =
-            pm_fail(PM_EUSAGE, "emit: expected systemd or procman, found \"%s\"", options->scene);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EUSAGE, "emit: expected systemd or procman, found \"%s\"", options->scene));
     }
     PM_TRY_DONE(pm_connect_check(e.scene));
     PM_TRY_DONE(read_hosts(&e, options->hosts));
@@ -289,12 +288,11 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_transport_check(url));
     // A message leaves its host only with a time to live, which is 0 unless the address sets it.
     if (e.nhost > 1 && (ttl == NULL || atoi(ttl + 4) < 1)) {
-        status =
+        PM_TRY_DONE(
             pm_fail(PM_EUSAGE,
                     "emit: the address %s keeps messages on one host, and the scene runs on %d: "
                     "expected --url with ttl=1",
-                    url, e.nhost);
-        goto done;
+                    url, e.nhost));
     }
     PM_TRY_DONE(check_text(e.path));
     PM_TRY_DONE(check_text(options->url));

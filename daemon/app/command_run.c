@@ -187,8 +187,7 @@ static pm_status run_copies(pm_setup *setup, const pm_run_options *options) {
     for (int step = 0, next; step < scene->run.steps; step = next) {
         next = step + every < scene->run.steps ? step + every : scene->run.steps;
         if (*options->stop) {
-            status = pm_fail(PM_EINTERRUPTED, "interrupted");
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EINTERRUPTED, "interrupted"));
         }
         pm_fleet_step(&fleet, next - step);
         memcpy(why, why[0] == '\0' ? fleet.why : why, sizeof why);

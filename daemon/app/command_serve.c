@@ -334,9 +334,7 @@ static pm_status describe(service *s, char **text) {
     pm_scene_variables variables;
     PM_TRY(pm_scene_variable_names(&variables, scene, &s->setup->arena));
     FILE *file = open_memstream(text, &size);
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "the description of scene %s", scene->name);
-    }
+    PM_TRY(pm_allocated(file, "the description of scene %s", scene->name));
     fprintf(file,
             "{\"scene\":\"%s\",\"dt\":%.17g,\"steps\":%d,\"integrator\":\"%s\",\"substeps\":%d,"
             "\"digest\":\"%016" PRIx64

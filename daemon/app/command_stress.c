@@ -287,8 +287,7 @@ static pm_status execute(const pm_run_options *options) {
                                       k == 0 ? TRAJECTORIES : 0, k == 0 ? INSIDE : BEYOND + 1, k,
                                       &t.base.arena, start[k]);
         if (t.rollout == NULL || nstart[k] < 1) {
-            status = pm_fail(PM_ENOMEM, "out of memory for a stress test");
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_ENOMEM, "out of memory for a stress test"));
         }
     }
     const pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};

@@ -174,9 +174,7 @@ static pm_status put_processes(const pm_scene *scene, bool every_other, int coun
     char *value = NULL;
     size_t size;
     FILE *file = open_memstream(&value, &size);
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a cut");
-    }
+    PM_TRY(pm_allocated(file, "a cut"));
     for (int k = 0; k < count; ++k) {
         fprintf(file, "%sprocess_%d: [", k == 0 ? "{" : "], ", k);
         const char *before = "";
@@ -201,7 +199,7 @@ static pm_status make_text(const assembly *a, const trial *t, char **text) {
     const int count = t->cut == TOGETHER ? 1 : t->cut != EACH ? 2 : n > MOST_EACH ? BLOCKS : n;
     char line[LINE], path[PATH_SIZE];
     *text = strdup(a->text);
-    PM_TRY(*text != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a scene"));
+    PM_TRY(pm_allocated(*text, "a scene"));
     PM_TRY(t->other ? pm_scene_text_put(text, "processes", NULL)
                     : put_processes(scene, t->cut == EVERY_OTHER, count, text));
     snprintf(line, sizeof line, "{window: %d, patience: %g, checkpoint: %d}",
@@ -722,7 +720,7 @@ static pm_status bench_processes(assembly *a) {
             continue;
         }
         char *text = strdup(a->text);
-        status = text == NULL ? pm_fail(PM_ENOMEM, "out of memory for a scene") : PM_OK;
+        status = pm_allocated(text, "a scene");
         status = status == PM_OK ? put_cut(scene, count[row], window, &text) : status;
         status = status == PM_OK ? measure_cut(a, text, &l, who) : status;
         free(text);
@@ -858,11 +856,10 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&a.setup, options, PM_TO_COORDINATE));
     const pm_scene *scene = a.setup.scene;
     if (scene->network.nlive > 0 && (a.setup.replay == NULL || options->processes)) {
-        status =
+        PM_TRY_DONE(
             pm_fail(PM_EUSAGE, options->processes
                                    ? "bench: --processes is for scenes without live inputs"
-                                   : "test: live inputs need a recording of them: --replay FILE");
-        goto done;
+                                   : "test: live inputs need a recording of them: --replay FILE"));
     }
     if (!options->here) {
         PM_TRY_DONE(enter_private_network());

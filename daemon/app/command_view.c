@@ -428,9 +428,8 @@ static pm_status read_recording(view *v) {
     PM_TRY_DONE(pm_hdf5_read_integer(r.file, "/", "committed", &committed));
     PM_TRY_DONE(pm_hdf5_shape(r.file, "/time", 1, &r.rows));
     if (committed < 1 || committed > (uint64_t)r.rows) {
-        status = pm_fail(PM_EFILE, "%s: %" PRIu64 " of %d samples are complete", r.path, committed,
-                         r.rows);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EFILE, "%s: %" PRIu64 " of %d samples are complete", r.path,
+                            committed, r.rows));
     }
     // If the recording has all subsystems, it has the first one: look for that.
     const char *range = scene->physics.subsystem[0].range;
@@ -438,9 +437,8 @@ static pm_status read_recording(view *v) {
     snprintf(first, sizeof first, "/subsystems/%s",
              range == NULL ? scene->physics.subsystem[0].name : range);
     if (scene->run.recorded == NULL && !pm_hdf5_has(r.file, first)) {
-        status = pm_fail(PM_EFILE, "%s: no recording of scene %s: it has no %s", r.path,
-                         scene->name, first);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EFILE, "%s: no recording of scene %s: it has no %s", r.path,
+                            scene->name, first));
     }
     const int most = scene->physics.nsubsystem > scene->physics.nport ? scene->physics.nsubsystem
                                                                       : scene->physics.nport;

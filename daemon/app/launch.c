@@ -53,9 +53,7 @@ struct pm_launch {
 
 pm_status pm_launch_open(pm_launch **launch, int capacity, const pm_journal *log) {
     pm_launch *opened = calloc(1, sizeof *opened + (size_t)capacity * sizeof opened->child[0]);
-    if (opened == NULL) {
-        return pm_fail(PM_ENOMEM, "launch: out of memory");
-    }
+    PM_TRY(pm_allocated(opened, "a launch"));
     opened->capacity = capacity;
     opened->log = log;
     *launch = opened;

@@ -84,9 +84,8 @@ pm_status pm_supervise(pm_setup *setup, const pm_run_options *options) {
     folder = open(options->checkpoint, O_RDONLY | O_DIRECTORY);
     while (folder < 0 || flock(folder, LOCK_EX | LOCK_NB) != 0) {
         if (folder < 0 || pm_clock() > deadline || *options->stop) {
-            status = pm_fail(PM_EFILE, "%s: %s", options->checkpoint,
-                             folder < 0 ? "cannot be opened" : "another run uses it");
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EFILE, "%s: %s", options->checkpoint,
+                                folder < 0 ? "cannot be opened" : "another run uses it"));
         }
         nanosleep(&(struct timespec){.tv_nsec = WATCH_INTERVAL}, NULL);
     }

@@ -208,8 +208,9 @@ pm_status pm_view_server_open(pm_view_server **server, const char *address, int 
             file->size += strlen(file->line[k]);
         }
         file->text = malloc(LWS_PRE + file->size + 1);
-        PM_TRY_DONE(file->text == NULL ? pm_fail(PM_ENOMEM, "view: out of memory for the page")
-                                       : PM_OK);
+        PM_TRY_DONE(file->text != NULL
+                        ? PM_OK
+                        : pm_fail(PM_ENOMEM, "out of memory for the page of a view"));
         char *at = (char *)file->text + LWS_PRE;
         for (int k = 0; file->line[k] != NULL; ++k) {
             at = stpcpy(at, file->line[k]);
@@ -234,10 +235,9 @@ pm_status pm_view_server_open(pm_view_server **server, const char *address, int 
     s->protocol = &protocols[0];
     s->context = lws_create_context(&info);
     if (s->context == NULL) {
-        status = pm_fail(PM_ENET,
-                         "cannot listen on port %d of %s: it is in use, or no address of this host",
-                         port, address);
-        goto done;
+        PM_TRY_DONE(pm_fail(
+            PM_ENET, "cannot listen on port %d of %s: it is in use, or no address of this host",
+            port, address));
     }
     *server = s;
     return PM_OK;

@@ -58,9 +58,15 @@ void pm_arena_free(pm_arena *arena);
 
 // Allocates one zeroed object for `pointer`, apart from any arena, which the caller frees:
 // PM_TRY(PM_NEW(run, "a run")). It needs the declaration of calloc. PM_ENOMEM.
-#define PM_NEW(pointer, what)                           \
-    (((pointer) = calloc(1, sizeof *(pointer))) != NULL \
-         ? PM_OK                                        \
-         : pm_fail(PM_ENOMEM, "%s: out of memory", what))
+#define PM_NEW(pointer, what) pm_allocated((pointer) = calloc(1, sizeof *(pointer)), "%s", what)
+
+// Frees an object that PM_NEW has allocated, and its member `arena`. NULL is allowed.
+#define PM_DELETE(object)                    \
+    do {                                     \
+        if ((object) != NULL) {              \
+            pm_arena_free(&(object)->arena); \
+            free(object);                    \
+        }                                    \
+    } while (0)
 
 #endif

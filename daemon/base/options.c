@@ -77,9 +77,7 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
         return PM_OK;
     }
     words->word = words->word != NULL ? words->word : calloc((size_t)argc, sizeof *words->word);
-    if (words->word == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", argv[0]);
-    }
+    PM_TRY(pm_allocated(words->word, "%s", argv[0]));
     words->word[words->count++] = value;
     while (glued == NULL && *i + 1 < argc && argv[*i + 1][0] != '-') {
         words->word[words->count++] = argv[++*i];
@@ -237,9 +235,7 @@ void pm_options_line(int argc, char **argv, char *line, int size) {
 
 pm_status pm_options_folder(const char *path) {
     char *part = strdup(path);
-    if (part == NULL) {
-        return pm_fail(PM_ENOMEM, "%s: out of memory", path);
-    }
+    PM_TRY(pm_allocated(part, "%s", path));
     for (char *slash = strchr(part, '/'); slash != NULL; slash = strchr(slash + 1, '/')) {
         *slash = 0;
         mkdir(part, 0777); // a failure shows in the last call

@@ -23,6 +23,7 @@ typedef struct pm_option {
     double *positive; // becomes the value, a number > 0
     int64_t *count;   // becomes the value, a whole number from `least` to `most`
     int64_t least, most;
+    const char *word; // by which the commands that have the option name it, in a table for several
 } pm_option;
 
 // Several values of an option; they point into argv.
@@ -53,6 +54,9 @@ typedef struct pm_options {
         pm_words *words;
     } * others;
 } pm_options;
+
+// The members `count` and `option` for an array of options.
+#define PM_OPTION_TABLE(table) .count = sizeof(table) / sizeof *(table), .option = (table)
 
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to
 // it by "=". After "--" all arguments are positional. Texts point into argv. PM_HELPED: --help or

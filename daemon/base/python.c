@@ -42,9 +42,7 @@ pm_status pm_python_run(const pm_python_program *program, const char *const *arg
         ++count;
     }
     char **argv = calloc((size_t)count + 4, sizeof *argv);
-    if (argv == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for %s", program->folder);
-    }
+    PM_TRY(pm_allocated(argv, "%s", program->folder));
     argv[0] = "python3";
     argv[1] = "-B"; // leaves no compiled files in folders of the system
     argv[2] = path;

@@ -21,6 +21,15 @@ pm_status pm_fail(pm_status code, const char *format, ...) {
     return code;
 }
 
+pm_status pm_allocated(const void *memory, const char *what, ...) {
+    char text[256];
+    va_list arguments;
+    va_start(arguments, what);
+    vsnprintf(text, sizeof text, what, arguments);
+    va_end(arguments);
+    return memory != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for %s", text);
+}
+
 const char *pm_error(void) {
     return last_error;
 }

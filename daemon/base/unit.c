@@ -177,13 +177,6 @@ static size_t read_raised(const char *text, char *digit) {
     return 0;
 }
 
-static bool is_letter(const char *text) {
-    char digit;
-    return isalpha((unsigned char)*text) ||
-           ((unsigned char)*text >= 0x80 && skip_product(text) == 0 &&
-            read_raised(text, &digit) == 0);
-}
-
 // Reads a power, such as "^2", "**2", "2" or raised characters, and moves *text behind it. Without
 // any the power is 1. Returns false if there is none after a '^', or if it is larger than 9.
 static bool take_power(const char **text, int *power) {
@@ -239,8 +232,11 @@ pm_unit pm_unit_parse(const char *text) {
         } else {
             const char *name = text;
             int power = 1;
-            while (is_letter(text)) {
-                ++text;
+            char digit;
+            while (isalpha((unsigned char)*text) ||
+                   ((unsigned char)*text >= 0x80 && skip_product(text) == 0 &&
+                    read_raised(text, &digit) == 0)) {
+                ++text; // a letter
             }
             const size_t length = (size_t)(text - name);
             unit.known = length > 0 && take_power(&text, &power) &&

@@ -56,8 +56,7 @@ void pm_compiler_close(pm_compiler *compiler) {
             fclose(compiler->file);
         }
         free(compiler->text);
-        pm_arena_free(&compiler->arena);
-        free(compiler);
+        PM_DELETE(compiler);
     }
 }
 

@@ -28,10 +28,7 @@ pm_status pm_graph_open(pm_graph **graph) {
 }
 
 void pm_graph_close(pm_graph *graph) {
-    if (graph != NULL) {
-        pm_arena_free(&graph->arena);
-        free(graph);
-    }
+    PM_DELETE(graph);
 }
 
 const pm_graph_node *pm_graph_node_at(const pm_graph *g, pm_node x) {

@@ -343,9 +343,7 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     p->output = pm_arena_array(&p->arena, (size_t)count, sizeof *p->output);
     p->instruction = pm_arena_array(&p->arena, nnode, sizeof *p->instruction);
     PM_TRY(pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode));
-    if (plan->place == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a program of %d nodes", plan->nnode);
-    }
+    PM_TRY(pm_allocated(plan->place, "a program of %d nodes", plan->nnode));
     p->noutput = count;
     memcpy(p->output, output, (size_t)count * sizeof *output);
     find_needed(plan, count, output);
@@ -354,9 +352,9 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     }
     p->memory_size = plan->pool.end > 0 ? plan->pool.end : ALIGNMENT;
     p->memory = aligned_alloc(ALIGNMENT * sizeof(double), p->memory_size * sizeof(double));
-    if (p->memory == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for %zu numbers of a program", p->memory_size);
-    }
+    PM_TRY(p->memory != NULL
+               ? PM_OK
+               : pm_fail(PM_ENOMEM, "out of memory for %zu numbers of a program", p->memory_size));
     memset(p->memory, 0, p->memory_size * sizeof(double));
     resolve_values(p, plan);
     for (int fixed = 1; fixed >= 0; --fixed) {

@@ -83,17 +83,14 @@ static void close_programs(pm_fleet_gradient *f, int nworker) {
 
 static void close_gradient(pm_fleet_gradient *gradient) {
     close_programs(gradient, gradient->nworker);
-    pm_arena_free(&gradient->arena);
-    free(gradient);
+    PM_DELETE(gradient);
 }
 
 // Opens the programs of some tasks, for all workers, unless they are open.
 static pm_status open_tasks(pm_fleet *fleet, int ntask, const pm_rates_task *tasks, bool weights) {
     if (fleet->gradient == NULL) {
         pm_fleet_gradient *f = fleet->gradient = calloc(1, sizeof *f);
-        if (f == NULL) {
-            return pm_fail(PM_ENOMEM, "out of memory for derivatives");
-        }
+        PM_TRY(pm_allocated(f, "derivatives"));
         fleet->close_gradient = close_gradient;
         f->nworker = fleet->nworker;
         f->lanes = pm_rates_lanes(fleet->count);

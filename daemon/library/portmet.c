@@ -114,21 +114,15 @@ static pm_status open_scene(portmet_scene **scene, pm_scene *description, const 
 
 int portmet_scene_open(portmet_scene **scene, const char *path, const char *weights) {
     pm_scene *description = NULL;
-    pm_status status = pm_scene_load(&description, path);
-    if (status == PM_OK) {
-        status = open_scene(scene, description, weights);
-    }
-    return (int)status;
+    PM_TRY(pm_scene_load(&description, path));
+    return (int)open_scene(scene, description, weights);
 }
 
 int portmet_scene_parse(portmet_scene **scene, const char *text, const char *path,
                         const char *weights) {
     pm_scene *description = NULL;
-    pm_status status = pm_scene_parse(&description, text, path);
-    if (status == PM_OK) {
-        status = open_scene(scene, description, weights);
-    }
-    return (int)status;
+    PM_TRY(pm_scene_parse(&description, text, path));
+    return (int)open_scene(scene, description, weights);
 }
 
 int portmet_scene_connect(portmet_scene **scene, const char *name, const char *url,
@@ -167,8 +161,7 @@ void portmet_scene_close(portmet_scene *scene) {
         }
         pm_remote_close(remote->client);
         pm_transport_close(remote->transport);
-        pm_arena_free(&remote->arena);
-        free(remote);
+        PM_DELETE(remote);
         free(scene);
     } else if (scene != NULL) {
         (void)pm_recording_close(scene->run.recording);
@@ -223,10 +216,7 @@ static pm_status take_steps(portmet_scene *scene, int64_t count) {
 }
 
 int portmet_scene_step(portmet_scene *scene, int64_t count) {
-    if (enter(scene) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave(scene, take_steps(scene, count));
+    return enter(scene) != PM_OK ? PORTMET_EUSAGE : leave(scene, take_steps(scene, count));
 }
 
 static pm_status restart(portmet_scene *scene, const double *z) {
@@ -251,10 +241,7 @@ static pm_status restart(portmet_scene *scene, const double *z) {
 }
 
 int portmet_scene_restart(portmet_scene *scene, const double *z) {
-    if (enter(scene) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave(scene, restart(scene, z));
+    return enter(scene) != PM_OK ? PORTMET_EUSAGE : leave(scene, restart(scene, z));
 }
 
 int portmet_scene_copy(portmet_scene *scene, portmet_scene *from) {
@@ -306,12 +293,11 @@ int portmet_scene_efforts(portmet_scene *scene, double *coenergy, double *reacti
 
 // Asks those who step the scene elsewhere.
 static int ask(portmet_scene *scene, portmet_control_t request) {
-    if (enter(scene) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave(scene, scene->remote != NULL
-                            ? pm_remote_scene_ask(scene->remote, request)
-                            : pm_fail(PM_EUSAGE, "scene %s is stepped here", scene_name(scene)));
+    return enter(scene) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave(scene, scene->remote != NULL ? pm_remote_scene_ask(scene->remote, request)
+                                                    : pm_fail(PM_EUSAGE, "scene %s is stepped here",
+                                                              scene_name(scene)));
 }
 
 int portmet_scene_set_state(portmet_scene *scene, const double *z) {
@@ -464,10 +450,7 @@ static pm_status record(portmet_scene *scene, const char *path) {
 }
 
 int portmet_scene_record(portmet_scene *scene, const char *path) {
-    if (enter(scene) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave(scene, record(scene, path));
+    return enter(scene) != PM_OK ? PORTMET_EUSAGE : leave(scene, record(scene, path));
 }
 
 // --- copies ---
@@ -552,38 +535,35 @@ size_t portmet_fleet_row(const portmet_fleet *fleet) {
 }
 
 int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows) {
-    if (enter_fleet(fleet, count) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave_fleet(fleet, pm_fleet_copy(&fleet->fleet, false, count, copy, rows));
+    return enter_fleet(fleet, count) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave_fleet(fleet, pm_fleet_copy(&fleet->fleet, false, count, copy, rows));
 }
 
 int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,
                           const double *rows) {
-    if (enter_fleet(fleet, count) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave_fleet(fleet, pm_fleet_copy(&fleet->fleet, true, count, copy, (double *)rows));
+    return enter_fleet(fleet, count) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave_fleet(fleet,
+                             pm_fleet_copy(&fleet->fleet, true, count, copy, (double *)rows));
 }
 
 int portmet_fleet_vjp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
                       const double *inputs, const double *seed, double *by_start, double *by_inputs,
                       double *by_weights) {
     const pm_fleet_rollout rollout = {pieces, steps, start, inputs};
-    if (enter_fleet(fleet, 0) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave_fleet(
-        fleet, pm_fleet_vjp(&fleet->fleet, &rollout, seed, by_start, by_inputs, by_weights));
+    return enter_fleet(fleet, 0) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave_fleet(fleet, pm_fleet_vjp(&fleet->fleet, &rollout, seed, by_start, by_inputs,
+                                                 by_weights));
 }
 
 int portmet_fleet_jvp(portmet_fleet *fleet, int64_t pieces, int64_t steps, const double *start,
                       const double *inputs, const double *d_start, const double *d_inputs,
                       const double *d_weights, double *states, double *d_states) {
     const pm_fleet_rollout rollout = {pieces, steps, start, inputs};
-    if (enter_fleet(fleet, 0) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave_fleet(fleet, pm_fleet_jvp(&fleet->fleet, &rollout, d_start, d_inputs, d_weights,
-                                           states, d_states));
+    return enter_fleet(fleet, 0) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave_fleet(fleet, pm_fleet_jvp(&fleet->fleet, &rollout, d_start, d_inputs,
+                                                 d_weights, states, d_states));
 }

@@ -1082,7 +1082,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     const pm_scene *scene = system->scene;
     pm_status status;
     pm_lockstep_coordinator *c = NULL;
-    PM_TRY(PM_NEW(c, "coordinator"));
+    PM_TRY(PM_NEW(c, "a coordinator"));
     const pm_lockstep_coordinator_options plain = {0};
     const pm_lockstep_coordinator_options *given = options == NULL ? &plain : options;
     c->endpoint.system = system;
@@ -1102,9 +1102,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
     c->progressed = c->hello_wanted = true;
     c->nremote = system->scene->network.nprocess;
     if (c->endpoint.steps > PM_STEPS_MAX) {
-        status = pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
-                         (long long)c->endpoint.steps, (long long)PM_STEPS_MAX);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ECONFIG, "scene %s: %lld steps, at most %lld", scene->name,
+                            (long long)c->endpoint.steps, (long long)PM_STEPS_MAX));
     }
     c->lookahead = pm_lookahead(scene);
     c->hears_fluxes = pm_lookahead_uses_fluxes(scene);
@@ -1166,8 +1165,7 @@ void pm_lockstep_coordinator_close(pm_lockstep_coordinator *c) {
     if (c != NULL) {
         pm_report_window_free(&c->reports);
         pm_sample_free(c->last);
-        pm_arena_free(&c->arena);
-        free(c);
+        PM_DELETE(c);
     }
 }
 

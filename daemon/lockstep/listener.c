@@ -131,7 +131,7 @@ pm_status pm_listener_open(pm_listener **listener, pm_transport *transport, cons
     } words[] = {{"LEDGER", on_ledger}, {"HEALTH", on_health}, {"COMMAND", on_command}};
     const int n = scene->network.nprocess;
     pm_listener *l = NULL;
-    PM_TRY(PM_NEW(l, "listener"));
+    PM_TRY(PM_NEW(l, "a listener"));
     pm_status status;
     l->transport = transport;
     l->scene = scene;
@@ -166,8 +166,7 @@ void pm_listener_close(pm_listener *listener) {
         return;
     }
     pm_report_window_free(&listener->reports);
-    pm_arena_free(&listener->arena);
-    free(listener);
+    PM_DELETE(listener);
 }
 
 // --- reading ---

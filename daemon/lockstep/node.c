@@ -1145,8 +1145,7 @@ done:
 void pm_lockstep_node_close(pm_lockstep_node *node) {
     if (node != NULL) {
         pm_process_subsystems_free(&node->subsystems);
-        pm_arena_free(&node->arena);
-        free(node);
+        PM_DELETE(node);
     }
 }
 

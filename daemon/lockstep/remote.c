@@ -245,10 +245,7 @@ done:
 }
 
 void pm_remote_close(pm_client *remote) {
-    if (remote != NULL) {
-        pm_arena_free(&remote->arena);
-        free(remote);
-    }
+    PM_DELETE(remote);
 }
 
 const pm_served *pm_remote_served(const pm_client *remote) {

@@ -70,9 +70,7 @@ pm_status pm_params_add(pm_params *params, const char *name, int rows, int cols,
                        rows, cols, MAX_NUMBERS);
     }
     entry = append(params, name, (size_t)rows * (size_t)cols);
-    if (entry == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for parameter %s (%d x %d)", name, rows, cols);
-    }
+    PM_TRY(pm_allocated(entry, "parameter %s (%d x %d)", name, rows, cols));
     entry->rows = rows;
     entry->cols = cols;
     entry->trained = trained;

@@ -78,10 +78,6 @@ static const struct {
 #define NSUBSYSTEM (sizeof of_subsystem / sizeof of_subsystem[0])
 #define NEND (sizeof of_end / sizeof of_end[0])
 
-static pm_status fail_memory(void) {
-    return pm_fail(PM_ENOMEM, "recording: out of memory");
-}
-
 // --- families ---
 
 // Adds a member: to the last family if it is of the same range and all are recorded, or else as a
@@ -301,9 +297,7 @@ static pm_status check_folder(const char *path) {
     char *folder = slash == NULL   ? strdup(".")
                    : slash == path ? strdup("/")
                                    : strndup(path, (size_t)(slash - path));
-    if (folder == NULL) {
-        return fail_memory();
-    }
+    PM_TRY(pm_allocated(folder, "a recording"));
     pm_status status = PM_OK;
     if (access(folder, W_OK | X_OK) != 0) {
         status = pm_fail(PM_EFILE, "%s: cannot create a recording: folder %s: %s", path, folder,
@@ -351,9 +345,7 @@ pm_status pm_recording_check(const char *path, bool overwrite) {
 static pm_status open_at(pm_recording **recording, const char *path, const pm_scene *scene,
                          long count) {
     pm_recording *r = calloc(1, sizeof *r);
-    if (r == NULL) {
-        return fail_memory();
-    }
+    PM_TRY(pm_allocated(r, "a recording"));
     pm_status status;
     r->scene = scene;
     r->path = pm_arena_strdup(&r->arena, path);
@@ -366,8 +358,7 @@ static pm_status open_at(pm_recording **recording, const char *path, const pm_sc
     return PM_OK;
 done:
     pm_hdf5_close(r->file);
-    pm_arena_free(&r->arena);
-    free(r);
+    PM_DELETE(r);
     return status;
 }
 
@@ -541,7 +532,6 @@ pm_status pm_recording_close(pm_recording *recording) {
     }
 done:
     pm_hdf5_close(recording->file);
-    pm_arena_free(&recording->arena);
-    free(recording);
+    PM_DELETE(recording);
     return status;
 }

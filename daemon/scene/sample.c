@@ -12,9 +12,7 @@ pm_status pm_sample_new(pm_sample **sample, const pm_scene *scene) {
     const size_t nz = (size_t)scene->physics.nz, n = (size_t)scene->physics.nsubsystem;
     const size_t nport = (size_t)scene->physics.nport;
     pm_sample *s = calloc(1, sizeof *s + 8 * (nz + NCOLUMN * n) + nport * sizeof *s->flux);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "sample: out of memory");
-    }
+    PM_TRY(pm_allocated(s, "a sample"));
     double *memory = (double *)(s + 1);
     s->z = memory;
     s->flux = (pm_flux(*)[2])(memory + nz);

@@ -123,8 +123,5 @@ bool pm_scene_lists_subsystem(const pm_scene *scene, int id) {
 }
 
 void pm_scene_free(pm_scene *scene) {
-    if (scene != NULL) {
-        pm_arena_free(&scene->arena);
-        free(scene);
-    }
+    PM_DELETE(scene);
 }

@@ -99,9 +99,8 @@ static pm_status cut_graph(const pm_physics *physics, int count, int *mark) {
             : METIS_PartGraphRecursive(&nsubsystem, &nbalance, g.first, g.neighbour, g.cost, NULL,
                                        g.traffic, &nprocess, NULL, NULL, options, &traffic, mark);
     if (result != METIS_OK) {
-        status = pm_fail(PM_ECONFIG, "METIS cannot cut the scene into %d processes: %s", count,
-                         result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ECONFIG, "METIS cannot cut the scene into %d processes: %s", count,
+                            result == METIS_ERROR_MEMORY ? "out of memory" : "error in METIS"));
     }
     // METIS may leave a process without subsystems where one subsystem costs more than a whole
     // process should. Each such process takes the second half of the costliest one.

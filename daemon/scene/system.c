@@ -642,8 +642,7 @@ void pm_system_free(pm_system *system) {
             pm_port_free(port);
         }
     }
-    pm_arena_free(&system->arena);
-    free(system);
+    PM_DELETE(system);
 }
 
 int pm_system_components(const pm_system *system) {

@@ -89,7 +89,7 @@ pm_status pm_weights_save(const char *path, pm_component c, const pm_provenance 
     pm_hdf5 *file = NULL;
     pm_status status;
     const char *text = c.kind->write_spec(c.spec, &arena);
-    PM_TRY_DONE(text == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", path) : PM_OK);
+    PM_TRY_DONE(pm_allocated(text, "%s", path));
     PM_TRY_DONE(check_values(c.params, path));
     PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/", "format", FORMAT));
@@ -293,21 +293,18 @@ pm_status pm_weights_load(const char *path, pm_arena *arena, pm_component compon
     PM_TRY_DONE(status == PM_EFILE ? pm_fail(PM_EWEIGHTS, "weights %s", pm_error()) : status);
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "format", arena, &text));
     if (strcmp(text, FORMAT) != 0) {
-        status =
-            pm_fail(PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" FORMAT "\"", path, text);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" FORMAT "\"", path, text));
     }
     PM_TRY_DONE(pm_hdf5_read_integer(file, "/", "version", &version));
     if (version != VERSION) {
-        status = pm_fail(PM_EWEIGHTS, "%s: version of the format is %llu, expected %d", path,
-                         (unsigned long long)version, VERSION);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: version of the format is %llu, expected %d", path,
+                            (unsigned long long)version, VERSION));
     }
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "kind", arena, &text));
     if (strcmp(text, c.kind->name) != 0) {
-        status = pm_fail(PM_EWEIGHTS, "%s: weights of a \"%.40s\", expected those of a %s", path,
-                         text, c.kind->name);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: weights of a \"%.40s\", expected those of a %s", path,
+                            text, c.kind->name));
     }
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "model", arena, &text));
     for (int i = 0; i < c.kind->nlayout; ++i) {
@@ -320,9 +317,8 @@ pm_status pm_weights_load(const char *path, pm_arena *arena, pm_component compon
     write_digest(digest, p.digest);
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "digest", arena, &stored));
     if (strcmp(stored, digest) != 0) {
-        status = pm_fail(PM_EWEIGHTS, "%s: digest of the content is %s, expected %.40s: changed",
-                         path, digest, stored);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: digest of the content is %s, expected %.40s: changed",
+                            path, digest, stored));
     }
     memcpy(component.model, &loaded, c.kind->model_size);
     memset(&loaded, 0, sizeof loaded);

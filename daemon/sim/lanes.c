@@ -32,9 +32,7 @@ static inline uint64_t bits_of(double x) {
 pm_status pm_lane_flux_new(pm_lane_flux *flux, pm_arena *arena, int lanes) {
     double *memory = pm_arena_array(arena, 4 * (size_t)lanes, sizeof *memory);
     const ptrdiff_t n = lanes;
-    if (memory == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the fluxes of %d lanes", lanes);
-    }
+    PM_TRY(pm_allocated(memory, "the fluxes of %d lanes", lanes));
     *flux = (pm_lane_flux){memory, memory + n, memory + 2 * n, memory + 3 * n};
     return PM_OK;
 }

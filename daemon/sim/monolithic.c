@@ -118,9 +118,7 @@ pm_status pm_monolithic_copy(pm_monolithic *monolithic, pm_monolithic *from) {
     pm_serializer counter = pm_serializer_count("copy");
     pm_monolithic_record(from, &counter);
     double *number = calloc((size_t)counter.count, sizeof *number);
-    if (number == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a copy of scene %s", m->system->scene->name);
-    }
+    PM_TRY(pm_allocated(number, "a copy of scene %s", m->system->scene->name));
     pm_serializer save = pm_serializer_save("copy", number);
     pm_serializer restore = pm_serializer_restore("copy", number);
     pm_monolithic_record(from, &save);

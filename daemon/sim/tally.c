@@ -62,13 +62,6 @@ typedef struct ends {
     const double *flux[2], *gross[2]; // [1] NULL: there is one end
 } ends;
 
-static ends ends_of(const pm_lane_flux *a, const pm_lane_flux *b, pm_tally_law law) {
-    return law == PM_TALLY_ENERGY ? (ends){{a->energy, b == NULL ? NULL : b->energy},
-                                           {a->energy_gross, b == NULL ? NULL : b->energy_gross}}
-                                  : (ends){{a->entropy, b == NULL ? NULL : b->entropy},
-                                           {a->entropy_gross, b == NULL ? NULL : b->entropy_gross}};
-}
-
 // Notes the worst residuals of `count` components in the classes. `at` receives the block of each,
 // where the tally had a smaller one before.
 static void find_blocks(const ends *e, bool magnitude, int count, const double *least,
@@ -138,7 +131,11 @@ void pm_tally_add_content(pm_tally *tally, int count, const double *E, const dou
 void pm_tally_add_fluxes(pm_tally *tally, int form, int count, int first, const int *id,
                          const pm_lane_flux *a, const pm_lane_flux *b) {
     for (pm_tally_law law = 0; law < PM_TALLY_LAWS; ++law) {
-        const ends e = ends_of(a, b, law);
+        const ends e = law == PM_TALLY_ENERGY
+                           ? (ends){{a->energy, b == NULL ? NULL : b->energy},
+                                    {a->energy_gross, b == NULL ? NULL : b->energy_gross}}
+                           : (ends){{a->entropy, b == NULL ? NULL : b->entropy},
+                                    {a->entropy_gross, b == NULL ? NULL : b->entropy_gross}};
         add_residuals(tally, law, form, count, first, id, &e);
     }
     for (int end = 0; end < (b == NULL ? 1 : 2); ++end) {

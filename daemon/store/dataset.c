@@ -65,10 +65,7 @@ pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int n
 }
 
 void pm_dataset_free(pm_dataset *dataset) {
-    if (dataset != NULL) {
-        pm_arena_free(&dataset->arena);
-        free(dataset);
-    }
+    PM_DELETE(dataset);
 }
 
 // Moves the first `ntime` rows of each trajectory in x [trajectories][times][columns] to the front.

@@ -80,10 +80,6 @@ static pm_status fail_write(pm_hdf5 *file, const char *object) {
     return fail_with_cause(PM_EFILE, file->path, "write", object);
 }
 
-static pm_status fail_memory(const char *path) {
-    return pm_fail(PM_ENOMEM, "%s: out of memory", path);
-}
-
 // --- protection from damaged files ---
 
 // Returns the reason not to give the file to the library; NULL: there is none.
@@ -165,9 +161,7 @@ static pm_status handle_new(pm_hdf5 **handle, const char *path, pm_status conten
     H5dont_atexit();
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     pm_hdf5 *file = calloc(1, sizeof *file);
-    if (file == NULL) {
-        return fail_memory(path);
-    }
+    PM_TRY(pm_allocated(file, "%s", path));
     *handle = file;
     file->file = H5I_INVALID_HID;
     file->content = content;
@@ -175,7 +169,7 @@ static pm_status handle_new(pm_hdf5 **handle, const char *path, pm_status conten
     file->access = H5Pcreate(H5P_LINK_ACCESS);
     return file->path == NULL || file->access < 0 ||
                    H5Pset_elink_cb(file->access, refuse_link, NULL) < 0
-               ? fail_memory(path)
+               ? pm_fail(PM_ENOMEM, "%s: out of memory", path)
                : PM_OK;
 }
 
@@ -214,13 +208,12 @@ static pm_status open_as(pm_hdf5 **file, const char *path, pm_hdf5_source source
     pm_status status;
     PM_TRY_DONE(handle_new(&opened, path, content));
     if (H5Fis_hdf5(path) <= 0) {
-        status = pm_fail(PM_EFILE, "%s: not an HDF5 file", path);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EFILE, "%s: not an HDF5 file", path));
     }
     const char *objection = source == PM_HDF5_OWN ? objection_to(path) : NULL;
     if (objection != NULL) {
-        status = pm_fail(PM_EFILE, "%s: damaged, or not written by portmet: %s", path, objection);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EFILE, "%s: damaged, or not written by portmet: %s", path, objection));
     }
     const hid_t list = file_access();
     opened->file = H5Fopen(path, to_write ? H5F_ACC_RDWR : H5F_ACC_RDONLY, list);
@@ -253,8 +246,7 @@ pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
     if (mode == PM_HDF5_ATOMIC) {
         if (asprintf(&created->temporary, "%s.%ld.tmp", path, (long)getpid()) < 0) {
             created->temporary = NULL;
-            status = fail_memory(path);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_ENOMEM, "%s: out of memory", path));
         }
         unlink(created->temporary);
     }
@@ -613,9 +605,7 @@ static pm_status write_text_attribute(pm_hdf5 *file, const char *object, const c
         size = length > size ? length : size;
     }
     char *buffer = calloc(ntext + 1, size);
-    if (buffer == NULL) {
-        return fail_memory(file->path);
-    }
+    PM_TRY(pm_allocated(buffer, "%s", file->path));
     for (size_t i = 0; i < ntext; ++i) {
         strcpy(buffer + i * size, text[i]);
     }

@@ -172,30 +172,26 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
     pm_status status = PM_OK;
     const size_t count = (size_t)key->count;
     double *read = calloc(count + 1, sizeof *read);
-    if (read == NULL) {
-        status = pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, key->count);
-        goto done;
-    }
+    PM_TRY_DONE(pm_allocated(read, "%d numbers of %s", key->count, path));
     PM_TRY_DONE(read_head(path, file, key, &h));
     if (h.count != key->count || h.layout != key->layout) {
-        status = pm_fail(PM_EFILE,
-                         "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
-                         "version of portmet wrote it, or it is damaged; remove it to begin anew",
-                         path, h.count, key->count);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EFILE,
+                    "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
+                    "version of portmet wrote it, or it is damaged; remove it to begin anew",
+                    path, h.count, key->count));
     }
     if (fread(read, sizeof *read, count, file) != count || fread(&sum, sizeof sum, 1, file) != 1 ||
         sum != check_sum(&h, read)) {
-        status = pm_fail(PM_EFILE, "%s: the snapshot is damaged; remove it to begin anew", path);
-        goto done;
+        PM_TRY_DONE(
+            pm_fail(PM_EFILE, "%s: the snapshot is damaged; remove it to begin anew", path));
     }
     for (size_t i = 0; i < count; ++i) {
         if (!isfinite(read[i])) {
-            status = pm_fail(PM_EFILE,
-                             "%s: the snapshot holds a number that is not finite; remove it to "
-                             "begin anew",
-                             path);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EFILE,
+                                "%s: the snapshot holds a number that is not finite; remove it to "
+                                "begin anew",
+                                path));
         }
     }
     memcpy(value, read, count * sizeof *value);
@@ -221,9 +217,7 @@ static pm_status prepare(const char *path, const char *kind, uint64_t digest, in
     put_fields(&serializer, nfield, field);
     *key = (pm_snapshot_key){digest, serializer.layout, serializer.count, kind};
     *number = malloc(((size_t)serializer.count + 1) * sizeof **number);
-    return *number != NULL
-               ? PM_OK
-               : pm_fail(PM_ENOMEM, "%s: out of memory for %d numbers", path, serializer.count);
+    return pm_allocated(*number, "%d numbers of %s", serializer.count, path);
 }
 
 pm_status pm_checkpoint_save(const char *path, const char *kind, uint64_t digest, int nfield,

@@ -249,9 +249,7 @@ pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, 
     atomic_int *next = pm_rollout_shared(1, sizeof *next);
     pid_t worker[MOST_WORKERS];
     pm_progress progress;
-    if (next == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a study");
-    }
+    PM_TRY(pm_allocated(next, "a study"));
     fflush(NULL);
     const pid_t parent = getpid();
     for (int k = 0; k < nworker; ++k) {

@@ -80,9 +80,8 @@ pm_status pm_scene_text_write(const char *text, const char *path, const char *we
     PM_TRY_DONE(pm_scene_parse(&scene, text, path));
     status = pm_system_load(&system, scene, weights);
     if (status != PM_OK) {
-        status = pm_fail(status, "%s: a scene in another folder does not find its files: %.300s",
-                         path, pm_error());
-        goto done;
+        PM_TRY_DONE(pm_fail(status, "%s: a scene in another folder does not find its files: %.300s",
+                            path, pm_error()));
     }
     PM_TRY_DONE(pm_files_create(&file, path, NULL));
     const bool written = fputs(text, file) >= 0;

@@ -213,9 +213,7 @@ pm_status pm_channel_filter_build(struct sock_fprog *program, int count, const c
         }
     }
     emitter e = {.code = calloc(BPF_MAXINSNS, sizeof *e.code)};
-    if (e.code == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a socket filter");
-    }
+    PM_TRY(pm_allocated(e.code, "a socket filter"));
     // Checks LCM's header and stores the position of the channel name in the register X.
     emit(&e, BPF_LD | BPF_W | BPF_ABS, start, 0, 0);
     emit(&e, BPF_JMP | BPF_JEQ | BPF_K, PM_DATAGRAM_SHORT, 0, 2);

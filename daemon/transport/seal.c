@@ -79,9 +79,7 @@ pm_status pm_seal_open(pm_seal **seal, const pm_key *key, const char *sender, in
     // The memory is locked where the system allows it. It is aligned for the state, whose size is a
     // multiple of its alignment.
     pm_seal *made = sodium_init() < 0 ? NULL : sodium_malloc(sizeof *made);
-    if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a key");
-    }
+    PM_TRY(pm_allocated(made, "a key"));
     crypto_generichash_init(&made->keyed, key->byte, PM_KEY_SIZE, TAG_SIZE);
     made->offset = now - read_clock(CLOCK_BOOTTIME);
     made->length = strnlen(sender, PM_SEAL_SENDER - 1);
@@ -201,7 +199,7 @@ pm_status pm_transport_sealed_open(void **state, const pm_transport_table *table
                                    pm_clock_handler *on_clock, const void *context,
                                    pm_drops *drops) {
     sealed *s = NULL;
-    PM_TRY(PM_NEW(s, "sealed transport"));
+    PM_TRY(PM_NEW(s, "a sealed transport"));
     const pm_status status = pm_seal_open(&s->seal, key, sender, pm_seal_clock(NULL));
     if (status != PM_OK) {
         free(s);
@@ -243,9 +241,7 @@ static pm_status sealed_subscribe(void *state, const char *channel, pm_message_h
                                   void *context) {
     sealed *s = state;
     sealed_subscription *made = calloc(1, sizeof *made);
-    if (made == NULL) {
-        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
-    }
+    PM_TRY(pm_allocated(made, "channel %s", channel));
     *made = (sealed_subscription){s->subscriptions, s, handler, context};
     s->subscriptions = made;
     return pm_front_subscribe(s, channel, check, made);

@@ -60,7 +60,7 @@ pm_status pm_transport_place(const char *url, int *rank, int *count) {
 pm_status pm_transport_make(pm_transport **transport, const pm_transport_table *table,
                             void *state) {
     pm_transport *made = NULL;
-    PM_TRY(PM_NEW(made, "transport"));
+    PM_TRY(PM_NEW(made, "a transport"));
     made->table = table;
     made->state = state;
     *transport = made;
@@ -138,7 +138,7 @@ static const pm_transport_table tapped_table = {
 
 pm_status pm_transport_tap(pm_transport *transport, const pm_tap *tap) {
     tapped *t = NULL;
-    PM_TRY(PM_NEW(t, "tap"));
+    PM_TRY(PM_NEW(t, "a tap"));
     *t = (tapped){.front = {transport->table, transport->state}, .tap = *tap};
     const pm_status status = pm_transport_lcm.open(&t->lcm, tap->url, &transport->drops);
     if (status != PM_OK) {

@@ -95,9 +95,7 @@ static pm_status faulty_subscribe(void *state, const char *channel, pm_message_h
                                   void *context) {
     faulty *f = state;
     faulty_subscription *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
-    }
+    PM_TRY(pm_allocated(s, "channel %s", channel));
     *s = (faulty_subscription){f, handler, context, f->subscriptions};
     f->subscriptions = s;
     return pm_front_subscribe(f, channel, receive, s);
@@ -142,7 +140,7 @@ pm_status pm_transport_faulty_open(const char *url, const pm_transport_table **t
         return PM_OK;
     }
     faulty *f = NULL;
-    PM_TRY(PM_NEW(f, "transport"));
+    PM_TRY(PM_NEW(f, "a transport"));
     *f = (faulty){.front = {*table, *state}, .lose = lose, .mix = mix};
     pm_rng_init(&f->rng, (uint64_t)getpid(), 0);
     *table = &faulty_table;

@@ -392,9 +392,7 @@ static pm_status receiver_subscribe(receiver *r, const char *channel, pm_message
         const int capacity = 2 * r->capacity + 8;
         channel_subscription *larger =
             realloc(r->subscription, (size_t)capacity * sizeof *r->subscription);
-        if (larger == NULL) {
-            return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
-        }
+        PM_TRY(pm_allocated(larger, "channel %s", channel));
         r->subscription = larger;
         r->capacity = capacity;
     }
@@ -414,9 +412,7 @@ static int compare_channels(const void *a, const void *b) {
 static pm_status sort_subscriptions(receiver *r) {
     qsort(r->subscription, (size_t)r->count, sizeof *r->subscription, compare_channels);
     const char **name = calloc((size_t)r->count + 1, sizeof *name);
-    if (name == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the names of channels");
-    }
+    PM_TRY(pm_allocated(name, "the names of channels"));
     int count = 0;
     for (int i = 0; i < r->count; ++i) {
         if (count == 0 || strcmp(name[count - 1], r->subscription[i].channel) != 0) {
@@ -623,15 +619,13 @@ static pm_status lcm_endpoint_open(void **state, const char *url, pm_drops *drop
     lcm_endpoint *e = calloc(1, sizeof *e);
     char *provider = provider_of(url, &parsed);
     if (e == NULL || provider == NULL || (e->url = strdup(url)) == NULL) {
-        status = pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENOMEM, "transport \"%s\": out of memory", url));
     }
     e->drops = drops;
     e->file = -1;
     e->lcm = lcm_create(provider);
     if (e->lcm == NULL) {
-        status = pm_fail(PM_ENET, "transport \"%s\": LCM cannot open it", url);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENET, "transport \"%s\": LCM cannot open it", url));
     }
     if (strncmp(url, "udpm:", 5) == 0) {
         PM_TRY_DONE(splitter_open(&e->splitter, url, &parsed));
@@ -667,9 +661,7 @@ static pm_status lcm_endpoint_subscribe(void *state, const char *channel,
         return receiver_subscribe(e->receiver, channel, handler, context);
     }
     liblcm_subscription *s = calloc(1, sizeof *s);
-    if (s == NULL) {
-        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
-    }
+    PM_TRY(pm_allocated(s, "channel %s", channel));
     s->handler = handler;
     s->context = context;
     s->next = e->subscriptions;

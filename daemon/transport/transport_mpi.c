@@ -83,9 +83,7 @@ static pm_status append(channel_list *list, const void *entry, size_t size) {
     if (list->count == list->capacity) {
         const int capacity = 2 * list->capacity + 32;
         void *larger = realloc(list->entry, (size_t)capacity * size);
-        if (larger == NULL) {
-            return pm_fail(PM_ENOMEM, "channel %s: out of memory", (const char *)entry);
-        }
+        PM_TRY(pm_allocated(larger, "channel %s", (const char *)entry));
         list->entry = larger;
         list->capacity = capacity;
     }
@@ -188,9 +186,7 @@ static pm_status announce(mpi_endpoint *e) {
     }
     const own_subscription *s = e->own.entry;
     outgoing *o = take_outgoing(e, (size_t)(e->own.count - e->announced) * PM_CHANNEL_SIZE);
-    if (o == NULL) {
-        return pm_fail(PM_ENOMEM, "subscriptions: out of memory");
-    }
+    PM_TRY(pm_allocated(o, "subscriptions"));
     size_t size = 0;
     for (int i = e->announced; i < e->own.count; ++i) {
         int first = 0; // entry with the channel of this one
@@ -228,9 +224,7 @@ static pm_status mpi_publish(void *state, const char *channel, const void *data,
         return pm_fail(PM_ENET, "channel %s: cannot publish %zu bytes", channel, size);
     }
     outgoing *o = take_outgoing(e, head + size);
-    if (o == NULL) {
-        return pm_fail(PM_ENOMEM, "channel %s: out of memory", channel);
-    }
+    PM_TRY(pm_allocated(o, "channel %s", channel));
     memcpy(o->data, channel, head);
     if (size > 0) {
         memcpy(o->data + head, data, size);
@@ -277,9 +271,7 @@ static pm_status take(mpi_endpoint *e, bool *found, size_t *size, int *rank, int
     *tag = info.MPI_TAG;
     if (e->capacity < *size) {
         unsigned char *larger = realloc(e->data, 2 * *size);
-        if (larger == NULL) {
-            return pm_fail(PM_ENOMEM, "no memory for a message of %zu bytes", *size);
-        }
+        PM_TRY(pm_allocated(larger, "a message of %zu bytes", *size));
         e->data = larger;
         e->capacity = 2 * *size;
     }

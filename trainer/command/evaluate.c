@@ -153,8 +153,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
             "40:50",
         .positional_name = "SCENE",
         .positional = &a.scene,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
         .several = "--data",
         .words = &given,
     };

@@ -37,9 +37,7 @@ static pm_status propose(pm_fit_arguments *a, const volatile sig_atomic_t *stop,
     PM_TRY(pm_options_folder(a->output));
     const size_t size = strlen(a->output) + sizeof "/training.yaml";
     *training = malloc(size);
-    if (*training == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a path");
-    }
+    PM_TRY(*training != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a path"));
     snprintf(*training, size, "%s/training.yaml", a->output);
     pm_status status = PM_OK;
     if (pm_team_leads(a->team) && (!a->resume || access(*training, R_OK) != 0)) {
@@ -224,8 +222,7 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
             "portmet-train fit configs/train/double_pendulum.yaml --data pendula.h5 -o weights",
         .positional_name = "CONFIG",
         .positional = &a.config,
-        .count = sizeof option / sizeof *option,
-        .option = option,
+        PM_OPTION_TABLE(option),
         .several = "--data",
         .words = &given,
     };

@@ -12,9 +12,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
     const char **file = calloc(MOST_FILES + 1, sizeof *file), *output = NULL, *log = NULL;
     pm_tables_how how = {0};
     (void)stop; // the reader is interrupted by the same signal
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "import: out of memory");
-    }
+    PM_TRY(pm_allocated(file, "an import"));
     const pm_option option[] = {
         {"--output", "-o", "FILE", NULL, &output, true, .help = "dataset to write (HDF5)",
          .is_output = true},
@@ -51,8 +49,7 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
         .positional = file,
         .least = -1,
         .most = MOST_FILES,
-        .count = sizeof option / sizeof *option,
-        .option = option,
+        PM_OPTION_TABLE(option),
     };
     int count = 0;
     pm_status status;

@@ -123,9 +123,7 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
 
 pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t *stop) {
     const char **file = calloc(MOST_FILES + 1, sizeof *file), *name = "z", *folder = NULL;
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "inspect: out of memory");
-    }
+    PM_TRY(pm_allocated(file, "a description"));
     const pm_option table[] = {
         {"--data-set", NULL, "NAME", NULL, &name, false, .help = "the dataset in FILE; default: z"},
         {"--plot", NULL, "DIR", NULL, &folder, false,
@@ -141,8 +139,7 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
         .positional = file,
         .least = 1,
         .most = MOST_FILES,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     (void)stop;
     pm_dataset *d = NULL;

@@ -37,8 +37,7 @@ static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
     pm_progress progress;
     pm_status status = PM_OK;
     if (difference == NULL || z == NULL || check == NULL) {
-        status = pm_fail(PM_ENOMEM, "truth: out of memory");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENOMEM, "truth: out of memory"));
     }
     pm_truth_report_init(&report);
     pm_progress_init(&progress, "truth", count);
@@ -181,8 +180,7 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
         .examples = "portmet-train truth configs/truth/double_pendulum.yaml -o pendula.h5",
         .positional_name = "CONFIG",
         .positional = &a.config,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];

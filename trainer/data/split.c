@@ -87,9 +87,7 @@ pm_status pm_split_reorder(const pm_split *split, pm_dataset *dataset) {
     }
     if (!sorted) {
         double *work = malloc((size_t)n * size * sizeof *work);
-        if (work == NULL) {
-            return pm_fail(PM_ENOMEM, "out of memory for trajectories");
-        }
+        PM_TRY(work != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for trajectories"));
         gather(split, size, dataset->z, work);
         if (dataset->zdot != NULL) {
             gather(split, size, dataset->zdot, work);

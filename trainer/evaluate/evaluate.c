@@ -339,7 +339,7 @@ pm_status pm_evaluation_new(pm_evaluation **evaluation, const pm_system *system,
                        scene->path, scene->physics.dt, truth->dt);
     }
     pm_evaluation *e = NULL;
-    PM_TRY(PM_NEW(e, "evaluate"));
+    PM_TRY(PM_NEW(e, "an evaluation"));
     *e = (pm_evaluation){.system = system,
                          .truth = truth,
                          .count = count,
@@ -450,9 +450,7 @@ pm_status pm_evaluate_list(pm_evaluation **evaluation, const pm_system *system,
 pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const pm_dataset *truth,
                       int first, int end, const pm_evaluate_how *how) {
     int *which = malloc((size_t)(end - first) * sizeof *which);
-    if (which == NULL) {
-        return pm_fail(PM_ENOMEM, "evaluate: out of memory");
-    }
+    PM_TRY(which != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an evaluation"));
     for (int i = first; i < end; ++i) {
         which[i - first] = i;
     }
@@ -464,8 +462,7 @@ pm_status pm_evaluate(pm_evaluation **evaluation, const pm_system *system, const
 void pm_evaluation_free(pm_evaluation *evaluation) {
     if (evaluation != NULL) {
         pm_dataset_free(evaluation->predicted);
-        pm_arena_free(&evaluation->arena);
-        free(evaluation);
+        PM_DELETE(evaluation);
     }
 }
 

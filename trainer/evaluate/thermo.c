@@ -229,9 +229,7 @@ void pm_thermo_free(pm_thermo *thermo) {
 pm_status pm_thermo_summarise(const pm_thermo_row *row, int count, pm_thermo_row *sum,
                               pm_thermo_row *worst) {
     double *median = malloc(2 * (size_t)count * sizeof *median);
-    if (median == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a summary");
-    }
+    PM_TRY(median != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a summary"));
     double *typical = median + count;
     *worst = row[0];
     *sum = (pm_thermo_row){.kind = row[0].kind, .name = ""};

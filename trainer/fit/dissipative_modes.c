@@ -68,9 +68,8 @@ static pm_status separate(const pm_operator_spec *op, const pm_site *site, pm_pa
     }
     const int count = entry->rows * entry->cols;
     double *guide = malloc((size_t)count * sizeof *guide);
-    if (guide == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a factor of %d entries", count);
-    }
+    PM_TRY(guide != NULL ? PM_OK
+                         : pm_fail(PM_ENOMEM, "out of memory for a factor of %d entries", count));
     memcpy(guide, entry->value, (size_t)count * sizeof *guide);
     const pm_support s = pm_support_of(op, true, site);
     // Subtracts from the rows of the entropies their mean. Heat that a process takes from all

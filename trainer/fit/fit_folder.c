@@ -118,9 +118,7 @@ static pm_status save_part(pm_fit *f, int id, const char *path, pm_provenance *p
 static pm_status save_weights(pm_fit *f, bool loud) {
     pm_system *system = f->training->system;
     double *before = malloc(((size_t)f->size + 1) * sizeof *before);
-    if (before == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for weights");
-    }
+    PM_TRY(before != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for weights"));
     pm_trained_gather(system, before);
     pm_trained_scatter(system, pm_fit_kept(f));
     // What all weights files of the fit share.
@@ -206,9 +204,7 @@ pm_status pm_fit_save(pm_fit *f, bool loud) {
         return PM_OK;
     }
     double *constants = malloc((copy_constants(f, NULL, true) + 1) * sizeof *constants);
-    if (constants == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a checkpoint");
-    }
+    PM_TRY(constants != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a checkpoint"));
     (void)copy_constants(f, constants, true);
     const int count = fields_of(f, number, constants, field);
     const pm_status status = pm_checkpoint_save(f->checkpoint, "fit", f->digest, count, field);

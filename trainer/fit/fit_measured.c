@@ -160,9 +160,7 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     PM_TRY(pm_boundary_input_bind(&input, scene, m->data, pm_boundary_input_stride(scene, m->data),
                                   &f->arena));
     double *state = malloc((size_t)ntime * nz * sizeof *state);
-    if (state == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for measurements");
-    }
+    PM_TRY(state != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for measurements"));
     for (int i = 0; i < tracks->count; ++i) {
         pm_track_states(tracks, i, scene, &m->observation, ntime, state);
         vary_hidden(m, scene, i, ntime, state);
@@ -1035,8 +1033,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     }
     if (!finite || own > 0) {
         const char *what = finite ? "worse than the mean of the measurements" : "not finite";
-        status = pm_verdict_unfit(f->verdict, "predictions of the %s part are %s", where, what);
-        goto done;
+        PM_TRY_DONE(pm_verdict_unfit(f->verdict, "predictions of the %s part are %s", where, what));
     }
     pm_verdict_compare(&v, unexplained, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
                        "%.3g %% of it is not explained by noise", 100 * unexplained);

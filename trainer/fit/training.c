@@ -492,7 +492,6 @@ void pm_training_free(pm_training *training) {
     if (training != NULL) {
         pm_system_free(training->system);
         pm_scene_free(training->scene);
-        pm_arena_free(&training->arena);
-        free(training);
+        PM_DELETE(training);
     }
 }

@@ -399,8 +399,7 @@ pm_status pm_black_box_predict(const pm_black_box_data *d, double seconds, doubl
     }
     count = r->rows > 0 ? list_candidates(r, list) : 0;
     if (count == 0) {
-        status = pm_fail(PM_EDATA, "a black box has too few rows to train on");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA, "a black box has too few rows to train on"));
     }
     for (int i = 0; i < count && (i == 0 || spent + list[i].cost < SPEED * seconds); ++i) {
         PM_TRY_DONE(try_candidate(r, &list[i], predicted, out, chosen));

@@ -72,9 +72,7 @@ static pm_status compare(calibration *c, const pm_estimate *e, int id, int traje
                          double seconds) {
     const int before = c->nsample, capacity = before + e->ntime * e->ny;
     left_out *sample = realloc(c->sample, (size_t)capacity * sizeof *sample);
-    if (sample == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the calibration of bands");
-    }
+    PM_TRY(pm_allocated(sample, "the calibration of bands"));
     c->sample = sample;
     for (int i = 0; i < e->ny; ++i) {
         const comparison p = {.e = e,

@@ -46,9 +46,7 @@ static pm_status find_noise(const pm_estimate *e, const pm_shooting *s, const pm
         all += (size_t)s->tracks->track[i].count;
     }
     double *size = malloc(all * sizeof *size);
-    if (size == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for an estimate");
-    }
+    PM_TRY(size != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an estimate"));
     for (int c = 0; c < s->ny; ++c) {
         double error; // standard error of the logarithm
         const double known = u->independent[c];

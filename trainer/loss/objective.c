@@ -149,8 +149,7 @@ void pm_objective_close(pm_objective *objective) {
             pm_program_close(objective->lane[i].program);
             pm_program_close(objective->lane[i].value_only);
         }
-        pm_arena_free(&objective->arena);
-        free(objective);
+        PM_DELETE(objective);
     }
 }
 
@@ -280,9 +279,7 @@ double pm_objective_evaluate(pm_objective *o, int count, const int *index, doubl
 static pm_status median_square(const pm_objective *o, int count, const int *index, double *median) {
     const int n = index == NULL ? o->samples->count : count;
     double *sorted = malloc((size_t)n * sizeof *sorted);
-    if (sorted == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a median");
-    }
+    PM_TRY(sorted != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a median"));
     for (int i = 0; i < n; ++i) {
         sorted[i] = o->square[index == NULL ? i : index[i]];
     }

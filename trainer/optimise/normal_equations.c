@@ -425,8 +425,7 @@ void pm_gauss_newton_close(pm_gauss_newton *form) {
             pm_program_close(form->lane[i].program);
             pm_program_close(form->lane[i].multiply);
         }
-        pm_arena_free(&form->arena);
-        free(form);
+        PM_DELETE(form);
     }
 }
 

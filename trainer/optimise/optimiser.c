@@ -83,17 +83,15 @@ static pm_status run_adam(pm_optimisation *o) {
     double *gradient = malloc(((size_t)pm_objective_size(o->objective) + 1) * sizeof *gradient);
     pm_status status = PM_OK;
     if (index == NULL || gradient == NULL) {
-        status = pm_fail(PM_ENOMEM, "out of memory for adam");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENOMEM, "out of memory for adam"));
     }
     while (o->done < o->schedule.iterations) {
         double loss = 0;
         PM_TRY_DONE(run_epoch(o, count, index, gradient, &loss));
         if (!isfinite(loss)) {
-            status =
-                pm_fail(PM_ENUMERIC, "adam: the loss became %g in epoch %d: try a smaller rate",
-                        loss, o->done);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_ENUMERIC,
+                                "adam: the loss became %g in epoch %d: try a smaller rate", loss,
+                                o->done));
         }
         PM_TRY_DONE(o->report(o->context, o, loss));
     }
@@ -140,9 +138,7 @@ static pm_status run_lbfgs(pm_optimisation *o) {
         return PM_OK;
     }
     lbfgsfloatval_t *x = lbfgs_malloc(n);
-    if (x == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for L-BFGS");
-    }
+    PM_TRY(pm_allocated(x, "L-BFGS"));
     memcpy(x, o->theta, (size_t)n * sizeof *x);
     lbfgs_parameter_t parameter;
     lbfgs_parameter_init(&parameter);

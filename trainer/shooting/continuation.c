@@ -55,9 +55,7 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
         most += (size_t)s->tracks->track[i].count;
     }
     double *size = malloc(most * sizeof *size);
-    if (size == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for an estimate of noise");
-    }
+    PM_TRY(size != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an estimate of noise"));
     for (int c = 0; c < s->ny; ++c) {
         size_t n = 0;
         for (int i = 0; i < s->tracks->count; ++i) {
@@ -284,9 +282,7 @@ int pm_continuation_longest(const pm_shooting *s) {
 static pm_status double_windows(pm_shooting *s, pm_continuation_point *point, bool *doubled) {
     const size_t size = (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z;
     double *kept = malloc(size);
-    if (kept == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the starts of windows");
-    }
+    PM_TRY(pm_allocated(kept, "the starts of windows"));
     memcpy(kept, s->z, size);
     pm_status status = pm_shooting_divide(s, 2 * point->length);
     if (status == PM_OK) {
@@ -363,9 +359,7 @@ static bool draw_starts(pm_shooting *s) {
 // declared values, or else with other starts.
 static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
     double *theta = malloc((size_t)s->nborder * sizeof *theta);
-    if (theta == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for weights");
-    }
+    PM_TRY(theta != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for weights"));
     pm_shooting_weights(s, theta);
     bool finite = isfinite(pm_shooting_evaluate(s, s->z, false));
     for (int i = 0; i < MOST_FINER && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {

@@ -112,9 +112,7 @@ done:
 pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,
                               bool derivatives) {
     pm_sensitivity *f = calloc(1, sizeof *f);
-    if (f == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for derivatives");
-    }
+    PM_TRY(pm_allocated(f, "derivatives"));
     const pm_scene *scene = how->system->scene;
     f->how = *how;
     f->derivatives = derivatives;
@@ -146,8 +144,7 @@ void pm_sensitivity_close(pm_sensitivity *sensitivity) {
     if (sensitivity != NULL) {
         pm_program_close(sensitivity->step.program);
         pm_program_close(sensitivity->columns.program);
-        pm_arena_free(&sensitivity->arena);
-        free(sensitivity);
+        PM_DELETE(sensitivity);
     }
 }
 

@@ -107,8 +107,7 @@ static pm_status number_components(pm_solid *s) {
         s->width = high >= 0 && high + 2 - low > s->width ? high + 2 - low : s->width;
     }
     if (s->nfree == 0) {
-        status = pm_fail(PM_ECONFIG, "no node of a solid is free to move");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ECONFIG, "no node of a solid is free to move"));
     }
     const size_t size = (size_t)s->nfree * (size_t)(s->width + 1);
     s->stiffness = pm_arena_array(&s->arena, size, sizeof *s->stiffness);
@@ -156,8 +155,7 @@ pm_status pm_solid_open(pm_solid **solid, const pm_solid_mesh *mesh,
         double x[3 * PM_BRICK_NODES];
         pm_solid_gather(s, e, mesh->position, x);
         if (!pm_brick_make(&s->brick[e], x)) {
-            status = pm_fail(PM_ECONFIG, "element %d of a solid is turned inside out", e);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_ECONFIG, "element %d of a solid is turned inside out", e));
         }
     }
     PM_TRY_DONE(number_components(s));
@@ -170,10 +168,7 @@ done:
 }
 
 void pm_solid_close(pm_solid *solid) {
-    if (solid != NULL) {
-        pm_arena_free(&solid->arena);
-        free(solid);
-    }
+    PM_DELETE(solid);
 }
 
 // --- the state ---
@@ -626,9 +621,7 @@ static pm_status step(pm_solid *s, double h, const double *f, int halves) {
         return pm_fail(PM_ENUMERIC, "solid: no balance of forces, not even in steps of %g s", h);
     }
     double *middle = malloc((size_t)n * sizeof *middle);
-    if (middle == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a step of a solid");
-    }
+    PM_TRY(middle != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a step of a solid"));
     memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
     pm_solid_forces(s, 0); // the state is not turned inside out
     for (int i = 0; i < n; ++i) {

@@ -77,9 +77,9 @@ static pm_status score(const pm_body_assembly *assembly, const pm_field *const *
                     : pm_basis_check(assembly->basis, pm_dataset_find_note(modes, "coordinates"),
                                      a->modes));
     if (count != modes->ntrajectory) {
-        status = pm_fail(PM_EUSAGE, "%d trajectories of modes, %d of the fields (--trajectories)",
-                         modes->ntrajectory, count);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EUSAGE,
+                            "%d trajectories of modes, %d of the fields (--trajectories)",
+                            modes->ntrajectory, count));
     }
     double *error = pm_arena_array(&arena, (size_t)count, sizeof *error);
     PM_TRY_DONE(pm_arena_status(&arena, "errors"));
@@ -169,8 +169,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
                     "configs/weights/beam/basis.h5 --stiffness 1e6 -o contact",
         .positional_name = "CONFIG",
         .positional = &a.configuration,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     // The options must ask for at least one result, and give all inputs for it.
@@ -211,8 +210,7 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
     for (int i = 0; i < assembly.nbody && a.data != NULL; ++i) {
         const char *name = assembly.body[i].name, *file = find_name(a.data, name, '=');
         if (file == NULL) {
-            status = pm_fail(PM_EUSAGE, "--data: expected %s=FILE in \"%s\"", name, a.data);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EUSAGE, "--data: expected %s=FILE in \"%s\"", name, a.data));
         }
         const char *path = pm_arena_printf(&assembly.arena, "%.*s", (int)strcspn(file, ","), file);
         PM_TRY_DONE(pm_arena_status(&assembly.arena, "a path"));
@@ -227,9 +225,9 @@ pm_status pm_command_contact(int argc, char **argv, const volatile sig_atomic_t 
         if (find_name(a.solid, name, ',') != NULL) {
             PM_TRY_DONE(pm_body_assembly_make_solid(&assembly, i, field[i]));
         } else if (basis == NULL) {
-            status = pm_fail(
-                PM_EUSAGE, "contact: %s is neither in modes (--basis) nor a solid (--solid)", name);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EUSAGE,
+                                "contact: %s is neither in modes (--basis) nor a solid (--solid)",
+                                name));
         }
     }
     PM_TRY_DONE(pm_body_assembly_find_interfaces(&assembly));

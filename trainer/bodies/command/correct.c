@@ -29,8 +29,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
         .examples = "portmet-train correct simulated.h5 --by known.h5 -o corrected.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];

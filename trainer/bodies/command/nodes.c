@@ -34,8 +34,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
         .examples = "portmet-train nodes fields.h5 --mesh mesh.h5 -o nodes.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
@@ -48,9 +47,8 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     PM_TRY_DONE(pm_field_load(&field, a.fields));
     nstate = nstate == 0 ? field->ntime : nstate;
     if (nstate > field->ntime) {
-        status = pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found %" PRId64,
-                         field->ntime, nstate);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found %" PRId64,
+                            field->ntime, nstate));
     }
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
     PM_TRY_DONE(pm_options_list(a.trajectories, field->ntrajectory, data.trajectory, &data.count));

@@ -46,14 +46,11 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
         .positional_name = "FIELD",
         .positional = a.path,
         .most = MOST_FIELDS,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     const char **argument = calloc((size_t)argc + 1, sizeof *argument);
-    if (argument == NULL) {
-        return pm_fail(PM_ENOMEM, "picture: out of memory");
-    }
+    PM_TRY(pm_allocated(argument, "a picture"));
     argument[0] = "bodies";
     memcpy(argument + 1, argv + 1, (size_t)(argc - 1) * sizeof *argument);
     const pm_status status = pm_python_run(&pm_python_pictures, argument, false);

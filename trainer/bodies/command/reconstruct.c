@@ -113,8 +113,7 @@ static pm_status make_from_modes(const reconstruct_arguments *a, const pm_datase
             ++body;
         }
         if (body == assembly.nbody) {
-            status = pm_fail(PM_EUSAGE, "--body: %s places no \"%s\"", a->contact, a->body);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EUSAGE, "--body: %s places no \"%s\"", a->contact, a->body));
         }
         double *stiffness =
             pm_arena_array(&assembly.arena, (size_t)assembly.ninterface, sizeof *stiffness);
@@ -174,8 +173,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
             "portmet-train reconstruct predicted.h5 --basis reduced/basis.h5 --truth beam.h5",
         .positional_name = "DATASET",
         .positional = &a.dataset,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     if (a.basis == NULL && a.truth == NULL) {
@@ -197,28 +195,26 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
         PM_TRY_DONE(
             pm_trajectories_list(a.trajectories, truth->ntrajectory, &arena, &trajectory, &count));
         if (count != dataset->ntrajectory) {
-            status = pm_fail(PM_EUSAGE, "%d trajectories in %s, %d of the truth (--trajectories)",
-                             dataset->ntrajectory, a.dataset, count);
-            goto done;
+            PM_TRY_DONE(pm_fail(PM_EUSAGE,
+                                "%d trajectories in %s, %d of the truth (--trajectories)",
+                                dataset->ntrajectory, a.dataset, count));
         }
     }
     if (a.basis != NULL) {
         PM_TRY_DONE(make_from_modes(&a, dataset, truth, trajectory, &field));
     } else if (dataset->ntime != truth->ntime) {
-        status =
+        PM_TRY_DONE(
             pm_fail(PM_EDATA,
                     "%s: trajectories of %d states, those of %s have %d: only whole trajectories "
                     "can become fields again (`nodes` without --states)",
-                    a.dataset, dataset->ntime, a.truth, truth->ntime);
-        goto done;
+                    a.dataset, dataset->ntime, a.truth, truth->ntime));
     } else if (!pm_solid_nodes_fit(dataset, a.body, truth)) {
         const char *body = a.body == NULL ? "" : a.body, *join = a.body == NULL ? "" : "_";
-        status =
-            pm_fail(PM_EDATA,
-                    "%s as nodal values of %s: expected columns %s%su[0:%d] and "
-                    "%s%ssigma[0:%d]",
-                    a.dataset, a.truth, body, join, 3 * truth->nnode, body, join, 6 * truth->nnode);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA,
+                            "%s as nodal values of %s: expected columns %s%su[0:%d] and "
+                            "%s%ssigma[0:%d]",
+                            a.dataset, a.truth, body, join, 3 * truth->nnode, body, join,
+                            6 * truth->nnode));
     } else {
         PM_TRY_DONE(pm_solid_nodes_fields(&field, dataset, a.body, truth, trajectory));
     }

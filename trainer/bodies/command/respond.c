@@ -186,8 +186,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
         .examples = "portmet-train respond fields.h5 --weights material.h5 -o learned.h5",
         .positional_name = "FIELDS",
         .positional = &a.fields,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];
@@ -202,8 +201,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
     pm_status status;
     PM_TRY_DONE(pm_weights_load(a.weights, &arena, pm_component_of_part(&part), &provenance));
     if (pm_part_kind_of(&part) != PM_PART_SOLID) {
-        status = pm_fail(PM_EWEIGHTS, "%s: expected weights of a solid", a.weights);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: expected weights of a solid", a.weights));
     }
     pm_solid_material_read(part.spec.solid, &part.params, &material);
     PM_TRY_DONE(pm_field_load(&field, a.fields));

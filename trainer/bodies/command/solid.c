@@ -50,8 +50,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
         .positional_name = "FIELD",
         .positional = a.path,
         .most = MOST_FIELDS,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];

@@ -57,10 +57,7 @@ pm_status pm_placement_read(pm_yaml map, pm_arena *arena, pm_placement *placemen
 // --- memory ---
 
 void pm_field_free(pm_field *field) {
-    if (field != NULL) {
-        pm_arena_free(&field->arena);
-        free(field);
-    }
+    PM_DELETE(field);
 }
 
 // Makes a field with the arrays that every field has.

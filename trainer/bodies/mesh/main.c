@@ -30,8 +30,7 @@ static pm_status run(int argc, char **argv) {
         .examples = "portmet-mesh configs/meshes/l_body.geo -o l_mesh.h5",
         .positional_name = "FILE",
         .positional = &input,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     pm_arena arena = {0};
     pm_solid_mesh mesh;

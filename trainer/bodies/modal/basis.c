@@ -61,10 +61,7 @@ pm_status pm_basis_add_pattern(pm_basis *basis, pm_pattern *pattern, int rank, i
 }
 
 void pm_basis_free(pm_basis *basis) {
-    if (basis != NULL) {
-        pm_arena_free(&basis->arena);
-        free(basis);
-    }
+    PM_DELETE(basis);
 }
 
 // --- identity ---
@@ -313,17 +310,15 @@ pm_status pm_basis_load(pm_basis **basis, const char *path) {
     PM_TRY_DONE(pm_hdf5_shape(file, "/lead_scale", 1, &nlead));
     PM_TRY_DONE(pm_hdf5_read_integer(file, "/", "state_modes", &nstate));
     if (nstate < 1 || nstate > (uint64_t)mode[0]) {
-        status = pm_fail(PM_EDATA, "%s: state_modes is %llu, expected 1 to %d", path,
-                         (unsigned long long)nstate, mode[0]);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA, "%s: state_modes is %llu, expected 1 to %d", path,
+                            (unsigned long long)nstate, mode[0]));
     }
     if (mode[0] > PM_BASIS_MAX_MODES || mode[2] != 3 || mode[1] > LARGEST || nlead > (int)nstate) {
-        status = pm_fail(PM_EDATA,
-                         "%s: %d modes of %d nodes with %d numbers each, %d of %d leading; "
-                         "expected at most %d of %d with 3",
-                         path, mode[0], mode[1], mode[2], nlead, (int)nstate, PM_BASIS_MAX_MODES,
-                         LARGEST);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA,
+                            "%s: %d modes of %d nodes with %d numbers each, %d of %d leading; "
+                            "expected at most %d of %d with 3",
+                            path, mode[0], mode[1], mode[2], nlead, (int)nstate, PM_BASIS_MAX_MODES,
+                            LARGEST));
     }
     PM_TRY_DONE(pm_basis_new(&b, mode[1], mode[0], (int)nstate, nlead));
     PM_TRY_DONE(read_content(b, file, path));

@@ -159,9 +159,7 @@ pm_status pm_contact_interface_matrix(const pm_body_assembly *assembly,
     double low = INFINITY, high = -INFINITY;
     double *column = calloc((size_t)rows + 3 * (size_t)body->nnode, sizeof *column);
     double *u = column + rows; // [nnode][3]
-    if (column == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for an assembly");
-    }
+    PM_TRY(pm_allocated(column, "an assembly"));
     for (int i = 0; i < body->nnode; ++i) {
         double global[3], at = 0;
         pm_placement_rotate(&body->placement, body->position + 3 * (ptrdiff_t)i, global);

@@ -122,16 +122,14 @@ pm_status pm_contact_force_errors(const pm_body_assembly *a, const pm_contact_in
         end = count == 1 && field[body]->contact != NULL ? k : end;
     }
     if (end == 2) {
-        status = pm_fail(
+        PM_TRY_DONE(pm_fail(
             PM_EDATA, "neither %s nor %s has contact forces, and those with the other body alone",
-            a->body[m->body[0]].name, a->body[m->body[1]].name);
-        goto done;
+            a->body[m->body[0]].name, a->body[m->body[1]].name));
     }
     const pm_field *truth = field[m->body[end]];
     if (modes->ntime != truth->ntime) {
-        status = pm_fail(PM_EDATA, "the dataset has %d states, the fields %d", modes->ntime,
-                         truth->ntime);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA, "the dataset has %d states, the fields %d", modes->ntime,
+                            truth->ntime));
     }
     double own[3]; // the normal in the frame of the body
     pm_placement_rotate_back(&a->body[m->body[end]].placement, m->pairs.pair[0].normal, own);

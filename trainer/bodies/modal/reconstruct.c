@@ -166,9 +166,8 @@ pm_status pm_reconstruct(pm_field **field, const pm_basis *basis, const pm_datas
     state_reader r;
     pm_status status;
     if (loads != NULL && (loads->nnode != basis->nnode || loads->ntime != modes->ntime)) {
-        status = pm_fail(PM_EDATA, "loads of %d nodes at %d times, expected %d nodes, %d times",
-                         loads->nnode, loads->ntime, basis->nnode, modes->ntime);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA, "loads of %d nodes at %d times, expected %d nodes, %d times",
+                            loads->nnode, loads->ntime, basis->nnode, modes->ntime));
     }
     PM_TRY_DONE(open_reader(&r, basis, modes, body, &arena));
     PM_TRY_DONE(pm_field_new(&d, shape, modes->dt, PM_BODY_VARIABLES));

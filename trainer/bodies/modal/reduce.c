@@ -108,8 +108,7 @@ pm_status pm_regression_compress(const pm_regression *r, int rank, double *coeff
     pm_gemm(false, false, p, m, p, u, r->cross, product);
     pm_gemm(false, true, p, p, m, product, product, square);
     if (!pm_eigen_largest(p, square, rank, value, vector)) {
-        status = pm_fail(PM_ENUMERIC, "no eigenvectors of a regression on %d features", p);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENUMERIC, "no eigenvectors of a regression on %d features", p));
     }
     pm_gemm(false, false, rank, m, p, vector, product, pattern);
     // coefficient = u^-1 vector^T = (u^T u)^-1 u^T vector^T
@@ -384,8 +383,7 @@ static pm_status rotate_modes(reduction *r, pm_basis *b) {
         }
     }
     if (!pm_eigen_largest(n, square, n, value, vector)) {
-        status = pm_fail(PM_ENUMERIC, "no eigenvectors of the flexibility");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENUMERIC, "no eigenvectors of the flexibility"));
     }
     pm_gemm(false, false, n, (int)width, n, vector, b->mode, turned);
     for (size_t i = 0; i < (size_t)n; ++i) {
@@ -464,8 +462,7 @@ static pm_status find_modes(reduction *r, const pm_reduce_settings *settings, pm
     PM_TRY_DONE(rotate_modes(r, all));
     const int nstate = order_modes(r, all, settings->nstate, order);
     if (nstate == 0) {
-        status = pm_fail(PM_EDATA, "no mode of the displacements follows the loads");
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_EDATA, "no mode of the displacements follows the loads"));
     }
     PM_TRY_DONE(pm_basis_new(basis, r->nnode, n, nstate,
                              nstate < settings->nlead ? nstate : settings->nlead));
@@ -532,8 +529,7 @@ static pm_status find_creep(reduction *r, pm_basis *b) {
         }
     }
     if (!pm_eigen_largest(nbranch, square, nbranch, b->retardation, vector)) {
-        status = pm_fail(PM_ENUMERIC, "no retardation times for %d relaxation times", nbranch);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ENUMERIC, "no retardation times for %d relaxation times", nbranch));
     }
     b->nretardation = nbranch;
 done:

@@ -165,9 +165,7 @@ static pm_status evaluate(problem *p, const double *theta, bool derivatives, dou
     const int n = p->nactive + 1;
     bool good = true;
     double *changed = malloc((size_t)p->nweight * sizeof *changed);
-    if (changed == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the fit of a solid");
-    }
+    PM_TRY(changed != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for the fit of a solid"));
     p->nvariant = derivatives ? n : 1;
     for (int k = 0; k < p->nvariant; ++k) {
         memcpy(changed, theta, (size_t)p->nweight * sizeof *theta);
@@ -361,9 +359,7 @@ static pm_status find_scale(const pm_solid_data *data, data_scale *scale, double
     const pm_field *field = data->field;
     const pm_solid_mesh *mesh = &data->mesh;
     double *u = calloc(3 * (size_t)field->nnode, sizeof *u), body = 0;
-    if (u == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for the start of a fit");
-    }
+    PM_TRY(pm_allocated(u, "the start of a fit"));
     for (int e = 0; e < data->mesh.nelement; ++e) {
         pm_brick brick;
         double x[3 * PM_BRICK_NODES];

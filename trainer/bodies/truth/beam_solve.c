@@ -113,9 +113,7 @@ static pm_status matrix_init(stiffness_matrix *matrix, const pm_beam_mesh *mesh,
     matrix->K = cholmod_triplet_to_sparse(triplet, 0, common);
     cholmod_free_triplet(&triplet, common);
     matrix->factor = matrix->K == NULL ? NULL : cholmod_analyze(matrix->K, common);
-    if (matrix->factor == NULL) {
-        return pm_fail(PM_ENOMEM, "beam: out of memory");
-    }
+    PM_TRY(pm_allocated(matrix->factor, "a beam"));
     for (int e = 0; e < mesh->nelement; ++e) {
         int *place = matrix->place[e];
         for (int i = 0; i < PM_BEAM_FREEDOMS; ++i) {
@@ -199,7 +197,7 @@ pm_status pm_beam_new(pm_beam **result, const pm_beam_mesh *mesh, const pm_beam_
     const size_t nbody = (size_t)mesh->nbody;
     pm_status status = PM_OK;
     pm_beam *beam = NULL;
-    PM_TRY(PM_NEW(beam, "beam"));
+    PM_TRY(PM_NEW(beam, "a beam"));
     pm_arena *arena = &beam->arena;
     const size_t vector = 3 * sizeof *beam->q;
     beam->mesh = mesh;
@@ -245,8 +243,7 @@ void pm_beam_free(pm_beam *beam) {
         cholmod_free_sparse(&m->K, &m->common);
         cholmod_free_triplet(&m->coupling, &m->common);
         cholmod_finish(&m->common);
-        pm_arena_free(&beam->arena);
-        free(beam);
+        PM_DELETE(beam);
     }
 }
 
@@ -496,9 +493,7 @@ static pm_status step(pm_beam *beam, double h, const double *f, int depth,
     }
     const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;
     double *middle = malloc(size);
-    if (middle == NULL) {
-        return pm_fail(PM_ENOMEM, "beam: out of memory");
-    }
+    PM_TRY(middle != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a beam"));
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
         middle[i] = (beam->f[i] + f[i]) / 2;
     }
