@@ -40,7 +40,7 @@ static pm_status read_path(pm_scene_reader *r, pm_yaml at, const char **path) {
 
 static pm_status read_network(pm_scene_reader *r) {
     pm_network *network = &r->scene->network;
-    const pm_yaml url = pm_yaml_get(r->root, "url"), tap = pm_yaml_get(r->root, "tap");
+    const pm_yaml url = pm_yaml_get(r->root, "url"), tap = pm_yaml_get(r->root, "a tap");
     const pm_yaml key_file = pm_yaml_get(r->root, "key_file");
     if (pm_yaml_exists(url)) {
         PM_TRY(pm_yaml_text(url, r->arena, &network->url));
@@ -456,14 +456,8 @@ static pm_status read_subsystem(pm_scene_reader *r, pm_scene_subsystem *s, pm_ya
     for (int i = 0; i < layout->ngroup; ++i) {
         const pm_group *group = &layout->group[i];
         pm_yaml list;
-        int count;
-        double *value;
         PM_TRY(pm_yaml_require(initial, group->name, &list));
-        PM_TRY(pm_yaml_doubles(list, r->arena, &count, &value));
-        if (count != group->size) {
-            return pm_yaml_fail(list, "expected %d numbers, found %d", group->size, count);
-        }
-        memcpy(z + group->first, value, (size_t)count * sizeof *z);
+        PM_TRY(pm_yaml_vector(list, group->size, r->arena, z + group->first));
     }
     s->initial = z;
     return PM_OK;
@@ -1031,13 +1025,9 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     PM_TRY_DONE(read_subsystems(&r));
     value = pm_yaml_get(root, "start");
     if (pm_yaml_exists(value)) { // in place of each `initial` and of the reference
-        double *z = NULL;
-        int count = 0;
-        PM_TRY_DONE(pm_yaml_doubles(value, r.arena, &count, &z));
-        if (count != scene->physics.nz) {
-            status = pm_yaml_fail(value, "expected %d numbers, found %d", scene->physics.nz, count);
-            goto done;
-        }
+        double *z = pm_arena_array(r.arena, (size_t)scene->physics.nz, sizeof *z);
+        PM_TRY_DONE(pm_scene_check_memory(&r));
+        PM_TRY_DONE(pm_yaml_vector(value, scene->physics.nz, r.arena, z));
         for (int i = 0; i < scene->physics.nsubsystem; ++i) {
             scene->physics.subsystem[i].initial = z + scene->physics.subsystem[i].first;
         }

@@ -360,6 +360,17 @@ pm_status pm_yaml_texts(pm_yaml list, pm_arena *arena, int *count, const char **
     return PM_OK;
 }
 
+pm_status pm_yaml_vector(pm_yaml list, int count, pm_arena *arena, double *result) {
+    int found;
+    double *number;
+    PM_TRY(pm_yaml_doubles(list, arena, &found, &number));
+    if (found != count) {
+        return pm_yaml_fail(list, "expected %d numbers, found %d", count, found);
+    }
+    memcpy(result, number, (size_t)count * sizeof *number);
+    return PM_OK;
+}
+
 // --- all keys of a mapping ---
 
 pm_status pm_yaml_read(pm_yaml map, pm_arena *arena, const pm_yaml_key *keys) {
@@ -389,6 +400,8 @@ pm_status pm_yaml_read(pm_yaml map, pm_arena *arena, const pm_yaml_key *keys) {
             PM_TRY(pm_yaml_text(value, arena, k->to.text));
         } else if (k->type == PM_YAML_IS_CHOICE) {
             PM_TRY(pm_yaml_choice(value, k->names, k->to.whole));
+        } else if (k->type == PM_YAML_IS_VECTOR) {
+            PM_TRY(pm_yaml_vector(value, k->length, arena, k->to.number));
         } else {
             PM_TRY(pm_yaml_texts(value, arena, k->count, &texts));
             *k->to.texts = texts;
@@ -520,9 +533,7 @@ static pm_status parse(pm_yaml_document **result, const char *text, size_t size,
         }
     }
     pm_yaml_document *document = calloc(1, sizeof *document);
-    if (document == NULL) {
-        return fail_memory();
-    }
+    PM_TRY(pm_allocated(document, "a YAML document"));
     document->name = pm_arena_strdup(&document->arena, name);
     document->text = pm_arena_strdup(&document->arena, text);
     PM_TRY_DONE(pm_arena_status(&document->arena, "a YAML document"));
@@ -533,8 +544,7 @@ static pm_status parse(pm_yaml_document **result, const char *text, size_t size,
     document->composed = yaml_parser_load(&parser, &document->yaml);
     PM_TRY_DONE(document->composed ? PM_OK : fail_syntax(name, &parser, text));
     if (yaml_document_get_root_node(&document->yaml) == NULL) {
-        status = pm_fail(PM_ECONFIG, "%s:1:1: empty, expected a mapping", name);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ECONFIG, "%s:1:1: empty, expected a mapping", name));
     }
     PM_TRY_DONE(yaml_parser_load(&parser, &rest) ? PM_OK : fail_syntax(name, &parser, text));
     const yaml_node_t *second = yaml_document_get_root_node(&rest);
@@ -644,6 +654,5 @@ void pm_yaml_close(pm_yaml_document *document) {
     if (document->composed) {
         yaml_document_delete(&document->yaml);
     }
-    pm_arena_free(&document->arena);
-    free(document);
+    PM_DELETE(document);
 }

@@ -71,6 +71,8 @@ pm_status pm_yaml_choice(pm_yaml value, const char *const *names, int *result);
 pm_status pm_yaml_doubles(pm_yaml list, pm_arena *arena, int *count, double **result);
 pm_status pm_yaml_ints(pm_yaml list, int low, int high, pm_arena *arena, int *count, int **result);
 pm_status pm_yaml_texts(pm_yaml list, pm_arena *arena, int *count, const char ***result);
+// Reads a list of exactly `count` numbers into result [count].
+pm_status pm_yaml_vector(pm_yaml list, int count, pm_arena *arena, double *result);
 
 // --- all keys of a mapping ---
 
@@ -91,6 +93,7 @@ typedef struct pm_yaml_key {
         PM_YAML_IS_BOOL,
         PM_YAML_IS_TEXT,
         PM_YAML_IS_TEXTS,
+        PM_YAML_IS_VECTOR,
         PM_YAML_IS_CHOICE
     } type;
     union {
@@ -104,6 +107,7 @@ typedef struct pm_yaml_key {
     double low, high;         // of a number
     const char *const *names; // of a choice
     int *count;               // of texts
+    int length;               // of a vector
     bool required;
 } pm_yaml_key;
 
@@ -116,6 +120,8 @@ typedef struct pm_yaml_key {
 #define PM_YAML_TEXT(key, to_) .name = key, .type = PM_YAML_IS_TEXT, .to.text = to_
 #define PM_YAML_TEXTS(key, count_, to_) \
     .name = key, .type = PM_YAML_IS_TEXTS, .to.texts = to_, .count = count_
+#define PM_YAML_VECTOR(key, to_, length_) \
+    .name = key, .type = PM_YAML_IS_VECTOR, .to.number = to_, .length = length_
 #define PM_YAML_CHOICE(key, to_, names_) \
     .name = key, .type = PM_YAML_IS_CHOICE, .to.whole = to_, .names = names_
 

@@ -6,11 +6,12 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "truth/numbers.h"
 #include "truth/truth.h"
 
 #define MOST_LINKS 100000
 #define MAX_SINES 16
+#define TINY 1e-12 // bounds of the constants of a link, in their units
+#define LARGE 1e12
 #define PI 3.14159265358979323846
 
 // Computes the vector from one end of link k to the other, m, and returns its length.
@@ -175,36 +176,34 @@ typedef struct normal_spread {
     double mean[2], deviation[2];
 } normal_spread;
 
-// Reads `mass`, `C`, `l0`, `b` and `c` of a link.
-static pm_status read_link(pm_yaml map, pm_chain_link *link) {
-    const double tiny = 1e-12, huge = 1e12;
-    PM_TRY(pm_truth_number(map, "mass", tiny, huge, &link->mass));
-    PM_TRY(pm_truth_number(map, "C", 0, huge, &link->C));
-    PM_TRY(pm_truth_number(map, "l0", tiny, huge, &link->l0));
-    PM_TRY(pm_truth_number(map, "b", 0, huge, &link->b));
-    return pm_truth_number(map, "c", tiny, huge, &link->c);
-}
+// The keys of the constants of a link.
+#define LINK_KEYS(link)                                                     \
+    {PM_YAML_DOUBLE("mass", &(link)->mass, TINY, LARGE), .required = true}, \
+        {PM_YAML_DOUBLE("C", &(link)->C, 0, LARGE), .required = true},      \
+        {PM_YAML_DOUBLE("l0", &(link)->l0, TINY, LARGE), .required = true}, \
+        {PM_YAML_DOUBLE("b", &(link)->b, 0, LARGE), .required = true}, {    \
+        PM_YAML_DOUBLE("c", &(link)->c, TINY, LARGE), .required = true      \
+    }
 
-// Reads the map {mean, deviation} under `key`, of `count` components (1 or 2).
-static pm_status read_spread(pm_yaml map, const char *key, int count, pm_arena *arena,
-                             normal_spread *result) {
-    static const char *const keys[] = {"mean", "deviation", NULL};
-    pm_yaml spread;
-    PM_TRY(pm_yaml_require(map, key, &spread));
-    PM_TRY(pm_yaml_allow(spread, keys));
-    PM_TRY(pm_truth_numbers(spread, "mean", count, arena, result->mean));
-    return pm_truth_numbers(spread, "deviation", count, arena, result->deviation);
+#define CONDUCTION_KEYS(chain)                                                            \
+    {PM_YAML_DOUBLE("reference_temperature", &(chain)->reference_temperature, 1e-3, 1e6), \
+     .required = true},                                                                   \
+    {                                                                                     \
+        PM_YAML_DOUBLE("conductivity", &(chain)->conductivity, 0, 1e9), .required = true  \
+    }
+
+// Reads the map {mean, deviation} of `count` components (1 or 2).
+static pm_status read_spread(pm_yaml map, int count, pm_arena *arena, normal_spread *result) {
+    const pm_yaml_key keys[] = {
+        {PM_YAML_VECTOR("mean", result->mean, count), .required = true},
+        {PM_YAML_VECTOR("deviation", result->deviation, count), .required = true},
+        {0}};
+    return pm_yaml_read(map, arena, keys);
 }
 
 // Draws component i of the variable.
 static double draw_normal(pm_rng *rng, const normal_spread *s, int i) {
     return s->mean[i] + s->deviation[i] * pm_rng_normal(rng);
-}
-
-static pm_status read_conduction(pm_yaml block, pm_chain *chain) {
-    PM_TRY(
-        pm_truth_number(block, "reference_temperature", 1e-3, 1e6, &chain->reference_temperature));
-    return pm_truth_number(block, "conductivity", 0, 1e9, &chain->conductivity);
 }
 
 // --- a chain of pendula ---
@@ -239,22 +238,23 @@ static pm_status read_count(pm_yaml map, int *count) {
 // these are.
 static pm_status read_links(pm_yaml map, int k, pm_arena *arena, pendulum_chain *system,
                             int *count) {
-    static const char *const keys[] = {"mass",  "C",        "l0",       "b",
-                                       "c",     "position", "momentum", "temperature",
-                                       "count", "spacing",  NULL};
-    const pm_yaml temperature = pm_yaml_get(map, "temperature");
+    pm_yaml position, momentum, temperature;
     link_start *start = &system->start[k];
     double spacing[2] = {0, 0};
-    PM_TRY(pm_yaml_allow(map, keys));
     PM_TRY(read_count(map, count));
-    if (*count > 1) {
-        PM_TRY(pm_truth_numbers(map, "spacing", 2, arena, spacing));
-    }
-    PM_TRY(read_link(map, &system->link[k]));
-    PM_TRY(read_spread(map, "position", 2, arena, &start->position));
-    PM_TRY(read_spread(map, "momentum", 2, arena, &start->momentum));
+    const pm_yaml_key keys[] = {
+        LINK_KEYS(&system->link[k]),
+        {PM_YAML_VALUE("position", &position), .required = true},
+        {PM_YAML_VALUE("momentum", &momentum), .required = true},
+        {PM_YAML_VALUE("temperature", &temperature), .required = !system->equilibrated},
+        {PM_YAML_VALUE("count", NULL)}, // read_count
+        {PM_YAML_VECTOR("spacing", spacing, 2), .required = *count > 1},
+        {0}};
+    PM_TRY(pm_yaml_read(map, arena, keys));
+    PM_TRY(read_spread(position, 2, arena, &start->position));
+    PM_TRY(read_spread(momentum, 2, arena, &start->momentum));
     if (!system->equilibrated) {
-        PM_TRY(read_spread(map, "temperature", 1, arena, &start->temperature));
+        PM_TRY(read_spread(temperature, 1, arena, &start->temperature));
     } else if (pm_yaml_exists(temperature)) {
         return pm_yaml_fail(temperature, "`total_entropy` already sets the temperatures");
     }
@@ -301,20 +301,18 @@ static double chain_entropy(const void *data, const double *z) {
 }
 
 pm_status pm_pendulum_chain_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
-    static const char *const keys[] = {"reference_temperature", "conductivity", "total_entropy",
-                                       "links", NULL};
     pendulum_chain *system = pm_arena_alloc(arena, sizeof *system);
     PM_TRY(pm_arena_status(arena, "a chain of pendula"));
     pm_chain *chain = &system->chain;
     pm_yaml links;
     int n = 0;
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_conduction(block, chain));
+    const pm_yaml_key keys[] = {
+        CONDUCTION_KEYS(chain),
+        {PM_YAML_DOUBLE("total_entropy", &system->total_entropy, -1e9, 1e9)},
+        {PM_YAML_VALUE("links", &links), .required = true},
+        {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
     system->equilibrated = pm_yaml_exists(pm_yaml_get(block, "total_entropy"));
-    if (system->equilibrated) {
-        PM_TRY(pm_truth_number(block, "total_entropy", -1e9, 1e9, &system->total_entropy));
-    }
-    PM_TRY(pm_yaml_require(block, "links", &links));
     for (int i = 0; pm_yaml_is_list(links) && i < pm_yaml_count(links); ++i) {
         int count;
         PM_TRY(read_count(pm_yaml_item(links, i), &count));
@@ -463,35 +461,36 @@ static double driven_entropy(const void *data, const double *z) {
 }
 
 pm_status pm_driven_link_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
-    static const char *const keys[] = {"reference_temperature", "conductivity", "link", "load",
-                                       NULL};
-    static const char *const link_keys[] = {"mass",     "C",        "l0",          "b", "c",
-                                            "position", "momentum", "temperature", NULL};
-    static const char *const load_keys[] = {"sines", "frequency",   "velocity",
-                                            "force", "temperature", NULL};
     driven_link *system = pm_arena_alloc(arena, sizeof *system);
     PM_TRY(pm_arena_status(arena, "a driven link"));
-    pm_yaml map, load, sines;
+    pm_yaml map, load, position, momentum, temperature, of_bath;
     normal_spread bath;
     double velocity, force;
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(read_conduction(block, &system->chain));
+    const pm_yaml_key keys[] = {CONDUCTION_KEYS(&system->chain),
+                                {PM_YAML_VALUE("link", &map), .required = true},
+                                {PM_YAML_VALUE("load", &load), .required = true},
+                                {0}};
+    const pm_yaml_key link_keys[] = {LINK_KEYS(&system->link),
+                                     {PM_YAML_VALUE("position", &position), .required = true},
+                                     {PM_YAML_VALUE("momentum", &momentum), .required = true},
+                                     {PM_YAML_VALUE("temperature", &temperature), .required = true},
+                                     {0}};
+    const pm_yaml_key load_keys[] = {
+        {PM_YAML_INT("sines", &system->nsine, 1, MAX_SINES), .required = true},
+        {PM_YAML_VECTOR("frequency", system->frequency, 2), .required = true},
+        {PM_YAML_DOUBLE("velocity", &velocity, 0, 1e9), .required = true},
+        {PM_YAML_DOUBLE("force", &force, 0, 1e9), .required = true},
+        {PM_YAML_VALUE("temperature", &of_bath), .required = true},
+        {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
     system->chain.n = 1;
     system->chain.link = &system->link;
-    PM_TRY(pm_yaml_require(block, "link", &map));
-    PM_TRY(pm_yaml_allow(map, link_keys));
-    PM_TRY(read_link(map, &system->link));
-    PM_TRY(read_spread(map, "position", 2, arena, &system->position));
-    PM_TRY(read_spread(map, "momentum", 2, arena, &system->momentum));
-    PM_TRY(read_spread(map, "temperature", 1, arena, &system->temperature));
-    PM_TRY(pm_yaml_require(block, "load", &load));
-    PM_TRY(pm_yaml_allow(load, load_keys));
-    PM_TRY(pm_yaml_require(load, "sines", &sines));
-    PM_TRY(pm_yaml_int(sines, 1, MAX_SINES, &system->nsine));
-    PM_TRY(pm_truth_numbers(load, "frequency", 2, arena, system->frequency));
-    PM_TRY(pm_truth_number(load, "velocity", 0, 1e9, &velocity));
-    PM_TRY(pm_truth_number(load, "force", 0, 1e9, &force));
-    PM_TRY(read_spread(load, "temperature", 1, arena, &bath));
+    PM_TRY(pm_yaml_read(map, arena, link_keys));
+    PM_TRY(read_spread(position, 2, arena, &system->position));
+    PM_TRY(read_spread(momentum, 2, arena, &system->momentum));
+    PM_TRY(read_spread(temperature, 1, arena, &system->temperature));
+    PM_TRY(pm_yaml_read(load, arena, load_keys));
+    PM_TRY(read_spread(of_bath, 1, arena, &bath));
     const double typical[NLOAD] = {velocity, velocity, force, force, bath.deviation[0]};
     memcpy(system->typical, typical, sizeof typical);
     system->mean[NLOAD - 1] = bath.mean[0];

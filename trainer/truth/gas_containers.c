@@ -9,7 +9,6 @@
 //     s_i dot = alpha / T_i (1/T_i - 1/T_j), that is 9 R^2 alpha / (4 E_i) (1/E_i - 1/E_j)
 #include <math.h>
 
-#include "truth/numbers.h"
 #include "truth/truth.h"
 
 enum { V1, V2, P, S1, S2, NZ };
@@ -77,8 +76,7 @@ static double entropy(const void *data, const double *z) {
 
 // --- the configuration ---
 
-static pm_status read_range(pm_yaml map, const char *key, pm_arena *arena, double range[2]) {
-    PM_TRY(pm_truth_numbers(map, key, 2, arena, range));
+static pm_status check_range(pm_yaml map, const char *key, const double range[2]) {
     return range[0] <= range[1]
                ? PM_OK
                : pm_yaml_fail(pm_yaml_get(map, key), "expected [lowest, highest], found [%g, %g]",
@@ -86,25 +84,29 @@ static pm_status read_range(pm_yaml map, const char *key, pm_arena *arena, doubl
 }
 
 pm_status pm_gas_containers_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
-    static const char *const keys[] = {"wall_mass", "area",         "half_length", "gas_constant",
-                                       "c",         "conductivity", "initial",     NULL};
     const double tiny = 1e-12, huge = 1e12;
-    static const char *const of_initial[] = {"position", "momentum", "entropy", NULL};
     pm_yaml initial;
     gas_containers *gas = pm_arena_alloc(arena, sizeof *gas);
     PM_TRY(pm_arena_status(arena, "two gas containers"));
-    PM_TRY(pm_yaml_allow(block, keys));
-    PM_TRY(pm_truth_number(block, "wall_mass", tiny, huge, &gas->wall_mass));
-    PM_TRY(pm_truth_number(block, "area", tiny, huge, &gas->area));
-    PM_TRY(pm_truth_number(block, "half_length", tiny, huge, &gas->half_length));
-    PM_TRY(pm_truth_number(block, "gas_constant", tiny, huge, &gas->gas_constant));
-    PM_TRY(pm_truth_number(block, "c", tiny, huge, &gas->c));
-    PM_TRY(pm_truth_number(block, "conductivity", 0, huge, &gas->conductivity));
-    PM_TRY(pm_yaml_require(block, "initial", &initial));
-    PM_TRY(pm_yaml_allow(initial, of_initial));
-    PM_TRY(read_range(initial, "position", arena, gas->position));
-    PM_TRY(read_range(initial, "momentum", arena, gas->momentum));
-    PM_TRY(read_range(initial, "entropy", arena, gas->entropy));
+    const pm_yaml_key keys[] = {
+        {PM_YAML_DOUBLE("wall_mass", &gas->wall_mass, tiny, huge), .required = true},
+        {PM_YAML_DOUBLE("area", &gas->area, tiny, huge), .required = true},
+        {PM_YAML_DOUBLE("half_length", &gas->half_length, tiny, huge), .required = true},
+        {PM_YAML_DOUBLE("gas_constant", &gas->gas_constant, tiny, huge), .required = true},
+        {PM_YAML_DOUBLE("c", &gas->c, tiny, huge), .required = true},
+        {PM_YAML_DOUBLE("conductivity", &gas->conductivity, 0, huge), .required = true},
+        {PM_YAML_VALUE("initial", &initial), .required = true},
+        {0}};
+    const pm_yaml_key initial_keys[] = {
+        {PM_YAML_VECTOR("position", gas->position, 2), .required = true},
+        {PM_YAML_VECTOR("momentum", gas->momentum, 2), .required = true},
+        {PM_YAML_VECTOR("entropy", gas->entropy, 2), .required = true},
+        {0}};
+    PM_TRY(pm_yaml_read(block, arena, keys));
+    PM_TRY(pm_yaml_read(initial, arena, initial_keys));
+    PM_TRY(check_range(initial, "position", gas->position));
+    PM_TRY(check_range(initial, "momentum", gas->momentum));
+    PM_TRY(check_range(initial, "entropy", gas->entropy));
     const double end = 2 * gas->half_length;
     if (gas->position[0] <= 0 || gas->position[1] >= end) {
         return pm_yaml_fail(pm_yaml_get(initial, "position"),

@@ -97,10 +97,7 @@ pm_ode_jacobian *pm_ode_jacobian_new(const pm_ode *ode) {
 }
 
 void pm_ode_jacobian_free(pm_ode_jacobian *jacobian) {
-    if (jacobian != NULL) {
-        pm_arena_free(&jacobian->arena);
-        free(jacobian);
-    }
+    PM_DELETE(jacobian);
 }
 
 bool pm_ode_jacobian_fill(const pm_ode_jacobian *jacobian, const pm_ode_difference *d,

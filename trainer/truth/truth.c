@@ -23,34 +23,27 @@ static const double absolute_per_relative = 0.1;
 static const char *const families[] = {"adams", "bdf", NULL}; // indexed by pm_ode_family
 
 static pm_status read_root(pm_truth *truth, pm_yaml root, const pm_truth_simulator *more) {
-    static const char *const keys[] = {"simulator", "solver", "seed",   "trajectories",
-                                       "states",    "dt",     "system", NULL};
-    PM_TRY(pm_yaml_allow(root, keys));
-    pm_yaml seed, trajectories, states, dt, simulator, system;
-    int seed_value = 0, family = PM_ODE_ADAMS, id = 0, count = NSIMULATOR;
+    pm_yaml system;
+    int seed = 0, family = PM_ODE_ADAMS, id = 0, count = NSIMULATOR;
     const char *names[MOST_SIMULATORS + 1] = {NULL};
-    if (pm_yaml_exists(pm_yaml_get(root, "solver"))) {
-        PM_TRY(pm_yaml_choice(pm_yaml_get(root, "solver"), families, &family));
-    }
-    truth->family = (pm_ode_family)family;
-    PM_TRY(pm_yaml_require(root, "seed", &seed));
-    PM_TRY(pm_yaml_int(seed, 0, INT_MAX, &seed_value));
-    truth->seed = (uint64_t)seed_value;
-    PM_TRY(pm_yaml_require(root, "trajectories", &trajectories));
-    PM_TRY(pm_yaml_int(trajectories, 1, 1000000, &truth->ntrajectory));
-    PM_TRY(pm_yaml_require(root, "states", &states));
-    PM_TRY(pm_yaml_int(states, 2, 1000000, &truth->ntime));
-    PM_TRY(pm_yaml_require(root, "dt", &dt));
-    PM_TRY(pm_yaml_double(dt, 1e-9, 1e9, &truth->dt));
     for (int i = 0; i < NSIMULATOR; ++i) {
         names[i] = simulators[i].name;
     }
     for (int i = 0; more != NULL && more[i].name != NULL && count < MOST_SIMULATORS; ++i) {
         names[count++] = more[i].name;
     }
-    PM_TRY(pm_yaml_require(root, "simulator", &simulator));
-    PM_TRY(pm_yaml_choice(simulator, names, &id));
-    PM_TRY(pm_yaml_require(root, "system", &system));
+    const pm_yaml_key keys[] = {
+        {PM_YAML_CHOICE("solver", &family, families)},
+        {PM_YAML_INT("seed", &seed, 0, INT_MAX), .required = true},
+        {PM_YAML_INT("trajectories", &truth->ntrajectory, 1, 1000000), .required = true},
+        {PM_YAML_INT("states", &truth->ntime, 2, 1000000), .required = true},
+        {PM_YAML_DOUBLE("dt", &truth->dt, 1e-9, 1e9), .required = true},
+        {PM_YAML_CHOICE("simulator", &id, names), .required = true},
+        {PM_YAML_VALUE("system", &system), .required = true},
+        {0}};
+    PM_TRY(pm_yaml_read(root, &truth->arena, keys));
+    truth->family = (pm_ode_family)family;
+    truth->seed = (uint64_t)seed;
     truth->simulator = id < NSIMULATOR ? &simulators[id] : &more[id - NSIMULATOR];
     return truth->simulator->read(system, &truth->arena, &truth->model);
 }
@@ -74,10 +67,7 @@ done:
 }
 
 void pm_truth_free(pm_truth *truth) {
-    if (truth != NULL) {
-        pm_arena_free(&truth->arena);
-        free(truth);
-    }
+    PM_DELETE(truth);
 }
 
 static pm_status solve(const pm_truth *truth, double tolerance, double *z) {

@@ -1,5 +1,6 @@
 // portmet-train reduce: finds the modes of a body, and writes its fields as trajectories of their
 // amplitudes.
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,54 +15,42 @@ typedef struct reduce_arguments {
     const char *configuration, *data, *basis, *trajectories, *output;
 } reduce_arguments;
 
-static pm_status read_positive(pm_yaml root, const char *key, double *result) {
-    pm_yaml value;
-    PM_TRY(pm_yaml_require(root, key, &value));
-    PM_TRY(pm_yaml_double(value, 0, INFINITY, result));
-    return *result > 0 ? PM_OK : pm_yaml_fail(value, "expected a number > 0");
-}
-
-static pm_status read_count(pm_yaml root, const char *key, int most, int *result) {
-    pm_yaml value;
-    PM_TRY(pm_yaml_require(root, key, &value));
-    return pm_yaml_int(value, 1, most, result);
-}
-
 static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings *settings) {
-    static const char *const keys[] = {"modes",        "state",       "leading",      "relaxation",
-                                       "inertia_time", "temperature", "displacement", "stress",
-                                       "symmetry",     "reach",       "trajectories", NULL};
     static const char *const sections[] = {"any", "square", NULL};
-    pm_yaml value;
+    pm_reduce_settings *s = settings;
+    pm_yaml state, leading, relaxation;
     double *tau = NULL;
     int section = 0;
-    PM_TRY(pm_yaml_allow(root, keys));
-    PM_TRY(read_count(root, "modes", PM_BASIS_MAX_MODES, &settings->nmode));
-    PM_TRY(read_count(root, "state", settings->nmode, &settings->nstate));
-    PM_TRY(read_count(root, "leading", settings->nmode, &settings->nlead));
-    PM_TRY(read_positive(root, "inertia_time", &settings->inertia_time));
-    PM_TRY(read_positive(root, "temperature", &settings->temperature));
-    PM_TRY(read_count(root, "displacement", PM_BASIS_MAX_RANK, &settings->displacement_rank));
-    PM_TRY(read_count(root, "stress", PM_BASIS_MAX_RANK, &settings->stress_rank));
-    if (pm_yaml_exists(value = pm_yaml_get(root, "relaxation"))) {
-        PM_TRY(pm_yaml_doubles(value, arena, &settings->nbranch, &tau));
-        if (settings->nbranch > PM_BASIS_MAX_BRANCHES) {
-            return pm_yaml_fail(value, "expected at most %d times", PM_BASIS_MAX_BRANCHES);
+    const pm_yaml_key keys[] = {
+        {PM_YAML_INT("modes", &s->nmode, 1, PM_BASIS_MAX_MODES), .required = true},
+        {PM_YAML_VALUE("state", &state), .required = true},
+        {PM_YAML_VALUE("leading", &leading), .required = true},
+        {PM_YAML_VALUE("relaxation", &relaxation)},
+        {PM_YAML_DOUBLE("inertia_time", &s->inertia_time, DBL_MIN, INFINITY), .required = true},
+        {PM_YAML_DOUBLE("temperature", &s->temperature, DBL_MIN, INFINITY), .required = true},
+        {PM_YAML_INT("displacement", &s->displacement_rank, 1, PM_BASIS_MAX_RANK),
+         .required = true},
+        {PM_YAML_INT("stress", &s->stress_rank, 1, PM_BASIS_MAX_RANK), .required = true},
+        {PM_YAML_CHOICE("symmetry", &section, sections)},
+        {PM_YAML_INT("reach", &s->reach, 0, PM_LOCAL_MAX_REACH)},
+        {PM_YAML_VALUE("trajectories", NULL)}, // the command reads it
+        {0}};
+    PM_TRY(pm_yaml_read(root, arena, keys));
+    PM_TRY(pm_yaml_int(state, 1, s->nmode, &s->nstate));
+    PM_TRY(pm_yaml_int(leading, 1, s->nmode, &s->nlead));
+    if (pm_yaml_exists(relaxation)) {
+        PM_TRY(pm_yaml_doubles(relaxation, arena, &s->nbranch, &tau));
+        if (s->nbranch > PM_BASIS_MAX_BRANCHES) {
+            return pm_yaml_fail(relaxation, "expected at most %d times", PM_BASIS_MAX_BRANCHES);
         }
-        for (int i = 0; i < settings->nbranch; ++i) {
+        for (int i = 0; i < s->nbranch; ++i) {
             if (!(tau[i] > 0)) {
-                return pm_yaml_fail(value, "expected times > 0");
+                return pm_yaml_fail(relaxation, "expected times > 0");
             }
-            settings->tau[i] = tau[i];
+            s->tau[i] = tau[i];
         }
     }
-    if (pm_yaml_exists(value = pm_yaml_get(root, "reach"))) {
-        PM_TRY(pm_yaml_int(value, 0, PM_LOCAL_MAX_REACH, &settings->reach));
-    }
-    if (pm_yaml_exists(value = pm_yaml_get(root, "symmetry"))) {
-        PM_TRY(pm_yaml_choice(value, sections, &section));
-    }
-    settings->square = section == 1;
+    s->square = section == 1;
     return PM_OK;
 }
 
@@ -88,8 +77,7 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
         .examples = "portmet-train reduce configs/modes/beam.yaml --data beam.h5 -o reduced",
         .positional_name = "CONFIG",
         .positional = &a.configuration,
-        .count = sizeof table / sizeof *table,
-        .option = table,
+        PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char command[1024];

@@ -10,7 +10,6 @@
 #include "bodies/truth/beam_element.h"
 #include "bodies/truth/beam_solve.h"
 #include "store/solid_mesh.h"
-#include "truth/numbers.h"
 
 enum { Q, V = 3, SIGMA = 6, MAX_BODIES = 8 };
 
@@ -241,7 +240,7 @@ static const int most[3] = {100, 19, 19};
 // Reads several beams, and which of them carries the load.
 static pm_status read_beams(pm_yaml block, pm_arena *arena, const int count[3],
                             const double size[3], pm_beam_system *system) {
-    pm_yaml beams = pm_yaml_get(block, "beams"), loaded;
+    pm_yaml beams = pm_yaml_get(block, "beams"), loaded, contact;
     const int nbody = pm_yaml_count(beams);
     PM_TRY(pm_yaml_require_entries(beams));
     if (nbody > MAX_BODIES) {
@@ -281,7 +280,8 @@ static pm_status read_beams(pm_yaml block, pm_arena *arena, const int count[3],
             }
         }
     }
-    PM_TRY(pm_truth_number(block, "contact", DBL_MIN, 1e15, &system->contact));
+    PM_TRY(pm_yaml_require(block, "contact", &contact));
+    PM_TRY(pm_yaml_double(contact, DBL_MIN, 1e15, &system->contact));
     PM_TRY(pm_yaml_require(block, "loaded", &loaded));
     return pm_yaml_choice(loaded, name, &system->loaded);
 }
@@ -331,19 +331,21 @@ static pm_status read_mesh(pm_yaml block, const char *path, pm_arena *arena,
     static const char *const several[] = {"contact", "loaded", NULL};
     double size[3], number[3];
     int count[3];
+    pm_yaml lengths, bricks;
     if (pm_yaml_exists(pm_yaml_get(block, "mesh"))) {
         return read_file(block, path, arena, system);
     }
-    PM_TRY(pm_truth_numbers(block, "size", 3, arena, size));
-    PM_TRY(pm_truth_numbers(block, "elements", 3, arena, number));
+    PM_TRY(pm_yaml_require(block, "size", &lengths));
+    PM_TRY(pm_yaml_vector(lengths, 3, arena, size));
+    PM_TRY(pm_yaml_require(block, "elements", &bricks));
+    PM_TRY(pm_yaml_vector(bricks, 3, arena, number));
     for (int d = 0; d < 3; ++d) {
         if (!(number[d] >= 1 && number[d] <= most[d]) || number[d] != floor(number[d])) {
-            return pm_yaml_fail(pm_yaml_get(block, "elements"),
-                                "expected 1 to %d, %d, %d elements along x, y, z", most[0], most[1],
-                                most[2]);
+            return pm_yaml_fail(bricks, "expected 1 to %d, %d, %d elements along x, y, z", most[0],
+                                most[1], most[2]);
         }
         if (!(size[d] > 0)) {
-            return pm_yaml_fail(pm_yaml_get(block, "size"), "expected lengths > 0");
+            return pm_yaml_fail(lengths, "expected lengths > 0");
         }
         count[d] = (int)number[d];
     }
@@ -359,16 +361,18 @@ static pm_status read_mesh(pm_yaml block, const char *path, pm_arena *arena,
 }
 
 static pm_status read_material(pm_yaml block, pm_arena *arena, pm_beam_material *material) {
-    static const char *const keys[] = {"C10", "C01", "D1", "g", "tau", NULL};
     double *g = NULL, sum = 0;
-    pm_yaml map;
+    pm_yaml map, shares, times;
+    const pm_yaml_key keys[] = {
+        {PM_YAML_DOUBLE("C10", &material->C10, 1e-9, 1e15), .required = true},
+        {PM_YAML_DOUBLE("C01", &material->C01, 0, 1e15), .required = true},
+        {PM_YAML_DOUBLE("D1", &material->D1, 1e-15, 1e9), .required = true},
+        {PM_YAML_VALUE("g", &shares)},
+        {PM_YAML_VALUE("tau", &times)},
+        {0}};
     PM_TRY(pm_yaml_require(block, "material", &map));
-    PM_TRY(pm_yaml_allow(map, keys));
-    PM_TRY(pm_truth_number(map, "C10", 1e-9, 1e15, &material->C10));
-    PM_TRY(pm_truth_number(map, "C01", 0, 1e15, &material->C01));
-    PM_TRY(pm_truth_number(map, "D1", 1e-15, 1e9, &material->D1));
+    PM_TRY(pm_yaml_read(map, arena, keys));
     // The Maxwell branches have as many shares g as relaxation times tau.
-    const pm_yaml shares = pm_yaml_get(map, "g");
     if (!pm_yaml_exists(shares)) {
         return PM_OK;
     }
@@ -376,7 +380,8 @@ static pm_status read_material(pm_yaml block, pm_arena *arena, pm_beam_material 
     if (material->nbranch > PM_BEAM_MAX_BRANCHES) {
         return pm_yaml_fail(shares, "expected at most %d", PM_BEAM_MAX_BRANCHES);
     }
-    PM_TRY(pm_truth_numbers(map, "tau", material->nbranch, arena, material->tau));
+    PM_TRY(pm_yaml_require(map, "tau", &times));
+    PM_TRY(pm_yaml_vector(times, material->nbranch, arena, material->tau));
     for (int i = 0; i < material->nbranch; ++i) {
         material->g[i] = g[i];
         sum += g[i];
@@ -387,41 +392,43 @@ static pm_status read_material(pm_yaml block, pm_arena *arena, pm_beam_material 
     return PM_OK;
 }
 
-static pm_status read_range(pm_yaml map, const char *key, pm_arena *arena, double range[2]) {
-    PM_TRY(pm_truth_numbers(map, key, 2, arena, range));
+static pm_status read_range(pm_yaml list, pm_arena *arena, double range[2]) {
+    PM_TRY(pm_yaml_vector(list, 2, arena, range));
     return range[0] > 0 && range[0] <= range[1]
                ? PM_OK
-               : pm_yaml_fail(pm_yaml_get(map, key), "expected [lowest, highest], both > 0");
+               : pm_yaml_fail(list, "expected [lowest, highest], both > 0");
 }
 
 static pm_status read_patches(pm_yaml map, bool box, pm_arena *arena, pm_beam_patches *patches) {
-    static const char *const keys[] = {"face", "force", "length", "width", "tilt",
-                                       "ramp", "hold",  "unload", NULL};
     static const char *const faces[] = {"+y", "+z", "-y", "-z", NULL}; // as in beam.h
-    pm_yaml face = pm_yaml_get(map, "face");
-    PM_TRY(pm_yaml_allow(map, keys));
+    pm_yaml force, length, width, ramp, hold, unload;
     patches->face = -1;
-    if (pm_yaml_exists(face) && !box) {
-        return pm_yaml_fail(face, "only a box has a `face`, not a `mesh`");
+    const pm_yaml_key keys[] = {{PM_YAML_CHOICE("face", &patches->face, faces)},
+                                {PM_YAML_VALUE("force", &force), .required = true},
+                                {PM_YAML_VALUE("length", &length), .required = true},
+                                {PM_YAML_VALUE("width", &width), .required = true},
+                                {PM_YAML_DOUBLE("tilt", &patches->tilt, 0, 10), .required = true},
+                                {PM_YAML_VALUE("ramp", &ramp), .required = true},
+                                {PM_YAML_VALUE("hold", &hold), .required = true},
+                                {PM_YAML_VALUE("unload", &unload), .required = true},
+                                {0}};
+    PM_TRY(pm_yaml_read(map, arena, keys));
+    if (patches->face >= 0 && !box) {
+        return pm_yaml_fail(pm_yaml_get(map, "face"), "only a box has a `face`, not a `mesh`");
     }
-    if (pm_yaml_exists(face)) {
-        PM_TRY(pm_yaml_choice(face, faces, &patches->face));
-    }
-    PM_TRY(read_range(map, "force", arena, patches->force));
-    PM_TRY(read_range(map, "length", arena, patches->length));
-    PM_TRY(read_range(map, "width", arena, patches->width));
-    PM_TRY(pm_truth_number(map, "tilt", 0, 10, &patches->tilt));
-    PM_TRY(read_range(map, "ramp", arena, patches->ramp));
-    PM_TRY(read_range(map, "hold", arena, patches->hold));
-    return read_range(map, "unload", arena, patches->unload);
+    PM_TRY(read_range(force, arena, patches->force));
+    PM_TRY(read_range(length, arena, patches->length));
+    PM_TRY(read_range(width, arena, patches->width));
+    PM_TRY(read_range(ramp, arena, patches->ramp));
+    PM_TRY(read_range(hold, arena, patches->hold));
+    return read_range(unload, arena, patches->unload);
 }
 
 pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
     static const char *const keys[] = {"size",     "elements", "mesh",    "material",
                                        "substeps", "beams",    "contact", "loaded",
                                        "rows",     "patches",  NULL};
-    static const char *const rows_keys[] = {"force", "positions", "ramp", NULL};
-    pm_yaml substeps, rows = pm_yaml_get(block, "rows"), patches, positions;
+    pm_yaml substeps, rows = pm_yaml_get(block, "rows"), patches;
     pm_beam_system *system = pm_arena_alloc(arena, sizeof *system);
     PM_TRY(pm_arena_status(arena, "beams"));
     PM_TRY(pm_yaml_allow(block, keys));
@@ -433,11 +440,13 @@ pm_status pm_beam_read(pm_yaml block, pm_arena *arena, pm_truth_model *model) {
         return pm_yaml_fail(rows, "expected either `rows` or `patches`, found both");
     }
     if (pm_yaml_exists(rows)) {
-        PM_TRY(pm_yaml_allow(rows, rows_keys));
-        PM_TRY(pm_truth_number(rows, "force", 0, 1e15, &system->force));
-        PM_TRY(pm_truth_number(rows, "ramp", 1e-9, 1e9, &system->ramp));
-        PM_TRY(pm_yaml_require(rows, "positions", &positions));
-        PM_TRY(pm_yaml_int(positions, 1, system->mesh.count[0], &system->positions));
+        const pm_yaml_key rows_keys[] = {
+            {PM_YAML_DOUBLE("force", &system->force, 0, 1e15), .required = true},
+            {PM_YAML_DOUBLE("ramp", &system->ramp, 1e-9, 1e9), .required = true},
+            {PM_YAML_INT("positions", &system->positions, 1, system->mesh.count[0]),
+             .required = true},
+            {0}};
+        PM_TRY(pm_yaml_read(rows, arena, rows_keys));
     } else {
         PM_TRY(pm_yaml_require(block, "patches", &patches));
         PM_TRY(read_patches(patches, system->file == NULL, arena, &system->patches));
@@ -698,9 +707,7 @@ pm_status pm_beam_run(const pm_beam_system *system, uint64_t seed, int trajector
     pm_status status = PM_OK;
     // The positions of all nodes one and two steps before [2][nnode][3], and forces [nnode][3].
     double *past = calloc(3 * count, sizeof *past), *f = past + 2 * count;
-    if (past == NULL) {
-        return pm_fail(PM_ENOMEM, "beam: out of memory");
-    }
+    PM_TRY(pm_allocated(past, "a beam"));
     if (system->positions == 0) {
         pm_rng rng;
         pm_rng_init(&rng, seed, (uint64_t)trajectory);
@@ -713,10 +720,9 @@ pm_status pm_beam_run(const pm_beam_system *system, uint64_t seed, int trajector
         pm_beam_load_row(&load, mesh, trajectory / system->positions,
                          trajectory % system->positions, system->force, system->ramp);
     } else {
-        status = pm_fail(PM_ECONFIG, "beam: trajectory %d of %d: %d rows on each of %d faces",
-                         trajectory, PM_BEAM_FACES * system->positions, system->positions,
-                         PM_BEAM_FACES);
-        goto done;
+        PM_TRY_DONE(pm_fail(PM_ECONFIG, "beam: trajectory %d of %d: %d rows on each of %d faces",
+                            trajectory, PM_BEAM_FACES * system->positions, system->positions,
+                            PM_BEAM_FACES));
     }
     load.body = system->loaded;
     PM_TRY_DONE(pm_beam_new(&beam, mesh, &system->material, system->contact));
