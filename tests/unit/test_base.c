@@ -64,6 +64,9 @@ static void failed_allocation_marks_the_arena(void **state) {
         assert_non_null(pm_arena_alloc(&arena, 1));
         pm_arena_free(&arena);
     }
+    assert_int_equal(pm_allocated("memory", "nothing"), PM_OK);
+    assert_int_equal(pm_allocated(NULL, "%d numbers", 7), PM_ENOMEM);
+    assert_string_equal(pm_error(), "out of memory for 7 numbers");
 }
 
 // The published generator: xoshiro256** from splitmix64(0), whose first outputs are known.
