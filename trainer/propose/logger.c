@@ -13,10 +13,11 @@
 
 // Trials: of so many samples at most, in so many trajectories at least, so that some can be kept
 // back, and with so many steps of the continuation.
-#define SAMPLES 6000
+#define SAMPLES 3000
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
+#define TRIES 4    // draws of the first weights of a trial
 #define SECONDS 30 // of CPU time of a trial, at most
 #define ENDED 15   // likewise, after which it ends where it is
 // More that is hidden must lower the error by this factor. Columns that are predicted as well as
@@ -48,8 +49,17 @@ static void describe(const pm_logger_view *v) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
         if (column->kind == PM_LOGGER_POSITION) {
-            printf(", whose rate is %s%s", v->column[column->mate].name,
+            fputs(", whose rate is ", stdout);
+            if (column->ratio != 1) {
+                printf("%.4g times ", column->ratio);
+            }
+            printf("%s%s", v->column[column->mate].name,
                    v->column[column->mate].source == NULL ? ", which nobody measures" : "");
+            for (int j = 0; j < v->nvariable; ++j) {
+                if (v->moves[c][j] != 0) {
+                    printf(" %+.4g %s", v->moves[c][j], v->column[j].name);
+                }
+            }
         }
         if (column->noise > 0) {
             const double percent = 100;
@@ -75,6 +85,10 @@ static void describe(const pm_logger_view *v) {
             printf("; nothing shows its scale, which is 1");
         }
         printf("%s\n", column->held ? "; held between samples" : "");
+    }
+    for (int k = 0; k < v->nidle; ++k) {
+        printf("the data show nothing that passes between %s and %s: they have no port\n",
+               v->part[v->idle[k][0]], v->part[v->idle[k][1]]);
     }
 }
 
@@ -113,6 +127,7 @@ typedef struct hidden_search {
     pm_logger_view first; // what is found first
     int count, best;
     pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
+    int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
     pm_search_trial trial[MOST_TRIALS];
     double used; // s of CPU time
 } hidden_search;
@@ -121,7 +136,6 @@ typedef struct hidden_search {
 static pm_status write_trial(void *context, const int *chosen, const char *comment,
                              const char *path) {
     const hidden_search *s = context;
-    const int none[PM_LOGGER_NCHOICE] = {0};
     pm_logger_hints hints = *s->hints;
     pm_logger_draft draft = {.seed = hints.seed, .data_path = s->data_path, .most = s->most};
     char scene[PATH_MAX];
@@ -131,7 +145,8 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
              path);
     pm_status status = pm_logger_write_scene(&draft, scene);
-    status = status == PM_OK ? pm_logger_write_training(&draft, none, comment, path) : status;
+    status = status == PM_OK ? pm_logger_write_training(&draft, s->chosen[*chosen], comment, path)
+                             : status;
     pm_logger_view_free(&draft.view);
     return status;
 }
@@ -158,20 +173,22 @@ static bool explains(const hidden_search *s) {
 // Tries the guesses from number `from` on, and keeps the best one.
 static pm_status try_guesses(hidden_search *s, int from) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
-    const pm_fit_effort effort = {.tries = 2,
+    // Half of what is left of the budget is for what is tried next.
+    const double left = fmax((s->hints->budget - s->used) / 2, 1);
+    const pm_fit_effort effort = {.tries = TRIES,
                                   .try_iterations = 4,
                                   .samples = FEWEST_SAMPLES,
                                   .iterations = STEPS,
                                   .stages = 1,
-                                  .seconds = ENDED};
+                                  .seconds = fmin(ENDED, left)};
     const int *vector[MOST_TRIALS] = {NULL};
     int number[MOST_TRIALS] = {0};
     for (int i = from; i < s->count; ++i) {
         number[i] = i;
         vector[i - from] = &number[i];
     }
-    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, SECONDS, s->hints->stop,
-                         s->trial + from, &s->used));
+    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(SECONDS, 2 * left),
+                         s->hints->stop, s->trial + from, &s->used));
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
         // Errors as large as the deviation tell no guess from another.
@@ -192,6 +209,7 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
     const pm_logger_column *column = &s->first.column[c];
     pm_logger_guess *own = s->guess[s->count];
     memcpy(own, s->guess[s->best], sizeof s->guess[0]);
+    memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
     for (int j = 0; j < s->first.nvariable; ++j) {
         const pm_logger_column *other = &s->first.column[j];
         const bool same =
@@ -207,6 +225,30 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
         }
     }
     ++s->count;
+}
+
+// Tries other laws beside the best guesses: those that may explain more than the first ones.
+static pm_status find_laws(hidden_search *s) {
+    for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
+        const pm_logger_choice which = (pm_logger_choice)k;
+        const char *name;
+        const char *const *alternative;
+        const int from = s->count,
+                  count = pm_logger_alternatives(&s->first, which, &name, &alternative);
+        for (int a = 1; a < count && s->count < MOST_TRIALS; ++a) {
+            if (pm_logger_is_richer(which, a)) {
+                memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
+                memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
+                s->chosen[s->count++][k] = a;
+            }
+        }
+        if (!explains(s) && s->used < s->hints->budget) {
+            PM_TRY(try_guesses(s, from));
+        } else {
+            s->count = from;
+        }
+    }
+    return PM_OK;
 }
 
 // Tries what may be hidden behind the columns: first the same behind all columns of a unit, then
@@ -235,7 +277,7 @@ static pm_status find_hidden(hidden_search *s) {
             PM_TRY(try_guesses(s, from));
         }
     }
-    return PM_OK;
+    return find_laws(s);
 }
 
 // Writes what was tried, as lines of a comment.
@@ -260,6 +302,15 @@ static void print_trials(const hidden_search *s, FILE *f) {
             if (column->id >= 0 && s->guess[i][column->id] != PM_LOGGER_AS_FOUND) {
                 fprintf(f, "%s%s: %s", any ? "; " : "", column->name,
                         guess[s->guess[i][column->id]]);
+                any = true;
+            }
+        }
+        for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
+            const char *name;
+            const char *const *alternative;
+            (void)pm_logger_alternatives(&s->first, (pm_logger_choice)k, &name, &alternative);
+            if (s->chosen[i][k] > 0) {
+                fprintf(f, "%s%s: %s", any ? "; " : "", name, alternative[s->chosen[i][k]]);
                 any = true;
             }
         }
@@ -296,15 +347,19 @@ static pm_status write_alternative(void *context, const int *chosen, const char 
     return status;
 }
 
-// Writes the training file of the laws that short fits prefer. Fits of noisy columns are too
-// long to be tried: there the laws that are believed first have all parts, and the fit says
-// which remain.
+// Writes the training file of the laws that short fits prefer. Fits of measurements have chosen
+// already (find_laws): their laws have all parts, and the fit says which remain.
 static pm_status choose_laws(const pm_logger_draft *draft, const pm_logger_hints *hints,
-                             const char *before, const char *path) {
+                             const int *chosen, const char *before, const char *path) {
     const pm_logger_view *v = &draft->view;
-    const bool measured = v->noisy || !v->even || !v->complete || v->hides;
-    const pm_search_how how = {
-        .budget = measured ? 0 : hints->budget, .loud = true, .stop = hints->stop, .enough = CLOSE};
+    if (v->noisy || !v->even || !v->complete || v->hides) {
+        return pm_logger_write_training(draft, chosen, before, path);
+    }
+    const pm_search_how how = {.budget = hints->budget,
+                               .most = hints->budget,
+                               .loud = true,
+                               .stop = hints->stop,
+                               .enough = CLOSE};
     law_choices *laws = calloc(1, sizeof *laws);
     if (laws == NULL) {
         return pm_fail(PM_ENOMEM, "out of memory for a search");
@@ -368,7 +423,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(pm_logger_write_scene(&draft, scene));
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
-    PM_TRY_DONE(choose_laws(&draft, &own, text, training));
+    own.budget = fmax(own.budget - search->used, 0);
+    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {

@@ -17,7 +17,7 @@
 #define MOST_SUBSTEPS 32
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define ITERATIONS 400
-#define TRIES 2             // draws of the first weights of a fit of noisy data
+#define TRIES 6             // draws of the first weights of a fit of noisy data
 #define ESTIMATED_PART 0.05 // of a trajectory: from it follows its start
 #define FEWEST_SAMPLES 20   // likewise
 #define BATCH 4096
@@ -118,7 +118,10 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      5,
      {"linear, quadratic and dry, with bends", "linear, quadratic and dry, with many bends",
       "linear, quadratic and dry", "linear and quadratic", "linear"}},
-    {"energy of positions", 2, {"a sum over positions", "a network of all positions"}},
+    {"energy of positions",
+     3,
+     {"a sum over positions", "a network of all positions",
+      "a sum over positions, with springs of angles"}},
     {"inertia", 2, {"a network of positions", "constant"}},
     {"capacities", 2, {"of what they hold", "constant"}},
     {"conduction",
@@ -129,8 +132,11 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
                            const char *const **alternative) {
     int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0;
+    bool springs = false; // an angle may have one, and has none yet
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *column = &v->column[c];
+        springs = springs || (column->kind == PM_LOGGER_POSITION && !column->springs &&
+                              pm_logger_may_spring(column));
         flows += column->kind == PM_LOGGER_FLOW;
         mechanical += column->kind == PM_LOGGER_POSITION;
         temperatures += column->kind == PM_LOGGER_TEMPERATURE;
@@ -142,15 +148,13 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
                                           temperatures > 0, levels > 0};
     *name = choices[which].name;
     *alternative = choices[which].alternative;
-    return some[which] ? choices[which].count : 1;
+    return !some[which] ? 1 : choices[which].count - (which == PM_LOGGER_POTENTIAL && !springs);
 }
 
-// Returns true if two columns of two parts act on each other by the port of the parts.
-static bool joins(const pm_logger_view *v, int i, int j) {
-    return v->column[i].part != v->column[j].part &&
-           ((v->column[i].kind == PM_LOGGER_TEMPERATURE &&
-             v->column[j].kind == PM_LOGGER_TEMPERATURE) ||
-            v->falls[i][j] || v->falls[j][i] || pm_logger_is_coupled(v, i, j, false));
+bool pm_logger_is_richer(pm_logger_choice which, int alternative) {
+    return (which == PM_LOGGER_FRICTION && alternative == WAVY_FRICTION) ||
+           (which == PM_LOGGER_POTENTIAL && alternative != SUMS_OF_POSITIONS) ||
+           (which == PM_LOGGER_LEVELS && alternative == NETWORKS_OF_LEVELS);
 }
 
 // --- the scene ---
@@ -248,6 +252,13 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                             "      z_%s: {unit: m^3, hidden: true}   # gives the energy of fluid "
                             "that falls into another part\n",
                             column->name);
+                }
+                if (column->rubs) {
+                    fprintf(
+                        f,
+                        "      s_%s: {unit: J/K, hidden: true}   # the heat of friction against "
+                        "another part\n",
+                        column->name);
                 }
             } else {
                 fputs(", hidden: {", f);
@@ -351,12 +362,16 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             for (int i = 0; i < v->nvariable; ++i) {
                 bool acts = false;
                 for (int j = 0; j < v->nvariable; ++j) {
-                    acts = acts || (v->column[j].part == parts[1 - end] && joins(v, i, j));
+                    acts =
+                        acts || (v->column[j].part == parts[1 - end] && pm_logger_joins(v, i, j));
                 }
                 if (acts && v->column[i].part == parts[end]) {
                     fprintf(f, "%s%s", pm_logger_separate(&listed), v->column[i].name);
                     if (v->column[i].feeds) {
                         fprintf(f, ", z_%s", v->column[i].name);
+                    }
+                    if (v->column[i].rubs) {
+                        fprintf(f, ", s_%s", v->column[i].name);
                     }
                 }
             }
@@ -411,6 +426,11 @@ static void write_part(pm_logger_writer *w, int part) {
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (pm_logger_is(w->v, c, part, PM_LOGGER_TEMPERATURE)) {
             fprintf(w->model, "%s%s", some ? ", " : "    entropy: {given: [", w->v->column[c].name);
+            some = true;
+        }
+        if (w->v->column[c].part == part && w->v->column[c].rubs) {
+            fprintf(w->model, "%ss_%s", some ? ", " : "    entropy: {given: [",
+                    w->v->column[c].name);
             some = true;
         }
     }
@@ -535,8 +555,9 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 const pm_logger_column *a = &v->column[i], *b = &v->column[j];
                 char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], y[PM_LOGGER_TEXT];
                 char dx[PM_LOGGER_TEXT], dy[PM_LOGGER_TEXT];
-                if (a->part != parts[0] || b->part != parts[1] || !joins(v, i, j) ||
-                    (a->kind == PM_LOGGER_TEMPERATURE) != (thermal == 1)) {
+                const bool rubs = pm_logger_is_coupled(v, i, j, true);
+                if (a->part != parts[0] || b->part != parts[1] || !pm_logger_joins(v, i, j) ||
+                    (a->kind == PM_LOGGER_TEMPERATURE || rubs) != (thermal == 1)) {
                     continue;
                 }
                 fputs(some           ? ", "
@@ -558,6 +579,16 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     fprintf(w->model, "[%c.%s, %c.z_%s, \"%s/%.4g\"]", falls ? 'b' : 'a', to->name,
                             end, from->name, pm_logger_flow(flow, sizeof flow, end, from),
                             pm_logger_highest(v));
+                } else if (v->moves[i][j] != 0 || v->moves[j][i] != 0) {
+                    const double rate = v->moves[i][j] != 0 ? v->moves[i][j] : -v->moves[j][i];
+                    fprintf(w->model, "[%s, %s, %.6g]", x, y, rate);
+                } else if (rubs) {
+                    char apart[2 * PM_LOGGER_TEXT + 4];
+                    snprintf(apart, sizeof apart, "%s - %s", x, y);
+                    fprintf(w->model, "[%s, %s, \"", x, y);
+                    pm_logger_write_resistance(w, both, apart, a, b,
+                                               a->inertia * fabs(v->coupling[i][j]));
+                    fputs("\"]", w->model);
                 } else if (thermal == 1) {
                     pm_logger_write_conduction(w, both, x, y, dx, dy,
                                                a->inertia * fabs(v->coupling[i][j]), NULL);

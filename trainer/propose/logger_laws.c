@@ -12,7 +12,6 @@
 #define WARMS 1e-3            // 1/K: with which the resistance of a cell falls with heat
 #define KNEES_OF_CHARGE 8     // steps in it, evenly spaced
 #define MIDDLE 0.5            // of the distance between two of them
-#define COUPLED 1e-3          // of the changes that one co-energy explains of another one's
 #define WIDTH 25              // a temperature counts as varying by at least 1/25 of it
 #define LEAST_POWER 1.5       // of a temperature
 #define ROOT 0.5              // power of a level with which its outflow begins
@@ -24,16 +23,6 @@
 #define TURN 6.283   // rad
 #define BENDS 3      // bends of a function of one variable, each of which has a place and a width
 #define MOST_BENDS 8 // likewise, of a function that may be wavy
-
-// Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
-// across a resistor, those of different kinds, such as a current and an angular velocity, without
-// loss.
-bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind) {
-    const pm_logger_column *a = &v->column[i], *b = &v->column[j];
-    const bool same = pm_unit_equal(&a->dimension, &b->dimension);
-    return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
-           (same || a->mate < 0 || b->mate < 0) && fmax(v->share[i][j], v->share[j][i]) > COUPLED;
-}
 
 bool pm_logger_begin(pm_logger_writer *w) {
     w->list = open_memstream(&w->constants, &w->size);
@@ -333,7 +322,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
     const int positions = pm_logger_count(w->v, part, PM_LOGGER_POSITION);
     bool feeds = false;
     for (int c = 0; c < w->v->nvariable; ++c) {
-        feeds = feeds || (w->v->column[c].part == part && w->v->column[c].feeds);
+        const pm_logger_column *y = &w->v->column[c];
+        feeds = feeds || (y->part == part && (y->feeds || y->rubs));
     }
     const int charges = pm_logger_count(w->v, part, PM_LOGGER_CHARGE);
     if (positions + charges == 0 && !feeds) {
@@ -374,19 +364,22 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
     if (positions == 0 && !feeds) {
         return;
     }
-    if (positions > 0 && w->chosen[PM_LOGGER_POTENTIAL] == NETWORK_OF_POSITIONS) {
-        fputs(charges > 0 ? "" : "    energy:\n", w->model);
-        fputs("      - {features: [", w->model);
-        write_position_features(w, part, "");
-        fputs("], hidden: [8], skip: quadratic}\n", w->model);
-        return;
-    }
     fputs(charges > 0 ? "" : "    energy:\n", w->model);
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (w->v->column[c].part == part && w->v->column[c].feeds) {
             fprintf(w->model, "      - \"%.4g*z_%s\"   # of the height through which fluid falls\n",
                     pm_logger_highest(w->v), w->v->column[c].name);
         }
+        if (w->v->column[c].part == part && w->v->column[c].rubs) {
+            fprintf(w->model, "      - \"%.6g*s_%s\"   # at the temperature of the surroundings\n",
+                    ROOM_TEMPERATURE, w->v->column[c].name);
+        }
+    }
+    if (positions > 0 && w->chosen[PM_LOGGER_POTENTIAL] == NETWORK_OF_POSITIONS) {
+        fputs("      - {features: [", w->model);
+        write_position_features(w, part, "");
+        fputs("], hidden: [8], skip: quadratic}\n", w->model);
+        return;
     }
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *q = &w->v->column[c];
@@ -394,31 +387,42 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             continue;
         }
         const pm_logger_column *v = &w->v->column[q->mate];
-        double stiffness = -v->inertia * w->v->coupling[q->mate][c];
+        double stiffness = -v->inertia * w->v->coupling[q->mate][c] / q->ratio;
         for (int j = 0; j < w->v->nvariable; ++j) { // what springs to other positions have of it
             stiffness -=
                 j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && has_spring(w->v, c, j)
-                    ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j]
+                    ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j] / q->ratio
                     : 0;
         }
-        if (q->angle) {
+        fputs("      - \"", w->model);
+        if (q->waves) {
             const double start[] = {-stiffness * sin(q->mean), -stiffness * cos(q->mean)};
             for (int k = 0; k < 2 * q->harmonics; ++k) {
                 char kind[] = "sin1";
                 harmonic(kind, k);
-                fprintf(w->model, "%s%s*%.3s(%d*%s)", k > 0 ? " + " : "      - \"",
+                fprintf(w->model, "%s%s*%.3s(%d*%s)", k > 0 ? " + " : "",
                         pm_logger_number(w, kind, q->name, k < 2 ? start[k] : 0, energy_of(v)),
                         kind, 1 + k / 2, q->name);
             }
-        } else {
+        }
+        const bool more = w->chosen[PM_LOGGER_POTENTIAL] == SPRINGS_OF_ANGLES;
+        if (!q->waves || q->springs || (more && pm_logger_may_spring(q))) {
             const double d = fmax(fabs(q->least), fabs(q->largest));
-            const double start[] = {-v->inertia * v->constant * d, stiffness * d * d / 2};
+            const double start[] = {-v->inertia * v->constant * d / q->ratio,
+                                    stiffness * d * d / 2};
             static const char *const kinds[] = {"k1", "k2", "k3", "k4"};
             for (int k = 0; k < 4; ++k) {
-                fprintf(w->model, "%s%s*(%s/%.6g)^%d", k > 0 ? " + " : "      - \"",
-                        pm_logger_number(w, kinds[k], q->name, k < 2 ? start[k] : 0, energy_of(v)),
-                        q->name, d, k + 1);
+                const double begin = k < 2 && !q->waves ? start[k] : 0;
+                fprintf(w->model, "%s%s*(%s/%.6g)^%d", k > 0 || q->waves ? " + " : "",
+                        pm_logger_number(w, kinds[k], q->name, begin, energy_of(v)), q->name, d,
+                        k + 1);
             }
+            // A spring that softens or hardens at some place.
+            const char *bend = pm_logger_number(w, "bend", q->name, 0, energy_of(v));
+            const char *place = pm_logger_number(w, "place", q->name, q->mean, q->deviation);
+            pm_logger_constant(w, "width", q->name, q->deviation);
+            fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g", bend, q->name, place,
+                    q->name, d);
         }
         fputs("\"\n", w->model);
     }
@@ -434,7 +438,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             char both[PM_LOGGER_TEXT];
             snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
             const double size = energy_of(&w->v->column[a->mate]);
-            if (a->angle && b->angle) {
+            if (a->angle && b->angle && (a->waves || b->waves)) {
                 static const char *const kinds[] = {"cosp", "sinp", "cosm", "sinm"};
                 for (int k = 0; k < 4; ++k) {
                     fprintf(w->model, "%s%s*%.3s(%s %c %s)", k > 0 ? " + " : "      - \"",
@@ -457,8 +461,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             }
             if (has_spring(w->v, i, j)) {
                 const double d = w->v->apart[i][j];
-                const double spring =
-                    w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] * d * d / 2;
+                const double spring = w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] /
+                                      a->ratio * d * d / 2;
                 static const char *const kinds[] = {"b2", "b3", "b4"};
                 for (int k = 0; k < 3; ++k) {
                     fprintf(w->model, "%s%s*((%s - %s)/%.6g)^%d", k > 0 ? " + " : "      - \"",
@@ -480,13 +484,25 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
             continue;
         }
         if (a->kind == PM_LOGGER_POSITION) {
-            fprintf(w->model, "%s[%s, %s, 1.0]", some ? ", " : "    reversible: {given: [", a->name,
+            fprintf(w->model, "%s[%s, %s, ", some ? ", " : "    reversible: {given: [", a->name,
                     w->v->column[a->mate].name);
+            if (fabs(a->ratio) == 1) {
+                fprintf(w->model, "%.1f]", a->ratio);
+            } else {
+                fprintf(w->model, "\"%s\"]",
+                        pm_logger_number(w, "ratio", a->name, a->ratio, fabs(a->ratio)));
+            }
             some = true;
         }
         for (int j = i + 1; j < w->v->nvariable; ++j) {
             const pm_logger_column *b = &w->v->column[j];
             const bool crank = w->v->crank[i][j] || w->v->crank[j][i];
+            const double rate = w->v->moves[i][j] != 0 ? w->v->moves[i][j] : -w->v->moves[j][i];
+            if (b->part == part && rate != 0) {
+                fprintf(w->model, "%s[%s, %s, %.6g]", some ? ", " : "    reversible: {given: [",
+                        a->name, b->name, rate);
+                some = true;
+            }
             if (b->part == part && (crank || pm_logger_is_coupled(w->v, i, j, false))) {
                 char both[PM_LOGGER_TEXT];
                 snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
@@ -643,9 +659,16 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         }
     }
     if (law <= DRY_FRICTION) {
+        // Steps of dt must resolve how friction changes at rest, else the fit begins unstable.
+        const double fastest = SMALL * fabs(start) * d * w->v->dataset->dt / y->inertia;
         pm_logger_constant(w, "dry", name, SMALL * start);
-        pm_logger_constant(w, "width", name, dry); // of the step at rest
+        pm_logger_constant(w, "width", name, fmax(dry, fastest)); // of the step at rest
         fprintf(w->model, " + dry_%s*%.4g/sqrt((%s)^2 + width_%s^2)", name, d, x, name);
+        if (y->mate >= 0) { // what sticks falls with the velocity (Stribeck)
+            pm_logger_constant(w, "sticking", name, SMALL * start);
+            pm_logger_constant(w, "speed", name, y->deviation / 2);
+            fprintf(w->model, " + sticking_%s/(1 + (%s)^2/speed_%s^2)", name, x, name);
+        }
     }
     if (law <= DRY_FRICTION && pm_unit_equal(&y->dimension, &pressure)) {
         // An orifice: the flow is the root of the difference of pressures.

@@ -14,7 +14,7 @@
 
 // The alternatives of the choices, in the order in which they are believed.
 enum { BENT_FRICTION, WAVY_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
-enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS };
+enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS, SPRINGS_OF_ANGLES };
 enum { LEARNED_INERTIA, CONSTANT_INERTIA };
 enum { LEARNED_CAPACITY, CONSTANT_CAPACITY };
 enum { RADIATION, CONVECTION, CONSTANT_CONDUCTION };
@@ -47,11 +47,6 @@ static inline int pm_logger_count(const pm_logger_view *v, int part, pm_logger_k
     }
     return count;
 }
-
-// Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
-// across a resistor, those of different kinds, such as a current and an angular velocity, without
-// loss.
-bool pm_logger_is_coupled(const pm_logger_view *v, int i, int j, bool same_kind);
 
 // Returns true if co-energy c loses energy to the surroundings. What relaxes in a cell heats the
 // thermometer of its part instead, if there is one.

@@ -11,7 +11,8 @@
 #define RIDGE 1e-9  // of the diagonal of the normal equations
 #define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
-#define PUSHES 0.1 // of the root mean square rate: a constant rate that is smaller is none
+#define CLEARLY 0.9 // of what other terms leave: these leave clearly less
+#define PUSHES 0.1  // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
 typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, AWAY, SINE, COSINE } atom_kind;
@@ -197,6 +198,38 @@ static void add_positions(const pm_logger_view *v, term_list *list, int part, in
     }
 }
 
+// Adds the forces of the energy of the position whose velocity is i.
+static void add_forces(const pm_logger_view *v, term_list *list, int i) {
+    const int q = v->column[i].mate;
+    if (v->column[q].waves) {
+        add_angle(list, i, ONE, q, 1, FEWEST_HARMONICS);
+    }
+    if (!v->column[q].waves || v->column[q].springs) {
+        add_term(list, q, VALUE, q, VALUE);
+        add_term(list, q, VALUE, q, SQUARE);
+    }
+}
+
+// Finds whether an angle with the velocity i has an energy of sines and cosines, as a weight does,
+// of powers, as a spring does, or both: what explains the changes of the velocity. An angle that
+// turns around has no spring.
+static void find_energy(const pm_logger_samples *w, int i, equations *work) {
+    pm_logger_column *q = &w->view->column[w->view->column[i].mate];
+    double rest[3] = {0}; // of waves, of springs, of both
+    for (int k = 0; k < 3; ++k) {
+        term_list forces = {0};
+        q->waves = k != 1;
+        q->springs = k != 0;
+        add_forces(w->view, &forces, i);
+        rest[k] = -gain_of(w, i, &forces, 0, work, NULL);
+        rest[k] += work->rest;
+    }
+    const bool may = pm_logger_may_spring(q);
+    const bool both = may && rest[2] < CLEARLY * fmin(rest[0], rest[1]);
+    q->springs = both || (may && rest[1] < CLEARLY * rest[0]);
+    q->waves = both || !q->springs;
+}
+
 static void add_valve(term_list *list, const pm_logger_action *action) {
     add_term(list, action->input, VALUE, action->target, VALUE);
     add_term(list, action->input, SIZE, action->target, VALUE);
@@ -339,6 +372,12 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
+        if (y->kind == PM_LOGGER_FLOW && y->mate >= 0 && v->column[y->mate].angle) {
+            find_energy(w, i, work);
+        }
+    }
+    for (int i = 0; i < v->nvariable; ++i) {
+        const pm_logger_column *y = &v->column[i];
         if (y->kind != PM_LOGGER_FLOW || y->relaxes > 0) {
             continue;
         }
@@ -347,12 +386,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             // Where energy is kept, squares of velocities are functions of the positions. Terms of
             // forces therefore come first.
             const bool angle = v->column[y->mate].angle;
-            if (angle) {
-                add_angle(&turning, i, ONE, y->mate, 1, FEWEST_HARMONICS);
-            } else {
-                add_term(&turning, y->mate, VALUE, y->mate, VALUE);
-                add_term(&turning, y->mate, VALUE, y->mate, SQUARE);
-            }
+            add_forces(v, &turning, i);
             add_term(&turning, i, VALUE, i, SIZE);
             add_term(&turning, i, VALUE, i, SQUARE);
             const int forces = turning.count;

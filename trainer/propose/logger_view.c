@@ -14,6 +14,7 @@
 #define ACTS 1e-3       // of the changes: an input that explains less does not act
 #define BESIDE 0.1      // of the best target's: other targets have such a share, at least
 #define MOVES 1e-3      // of the changes: a part that explains less does not move another one
+#define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
 #define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
 #define CLEAR 8.0       // times its noise: a column changes clearly
@@ -140,6 +141,7 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
     if (guess == PM_LOGGER_RATE) {
         const pm_unit unit = pm_unit_parse(column->unit);
         column->kind = PM_LOGGER_POSITION;
+        column->ratio = 1;
         column->mate =
             add_hidden(w, y, "rate",
                        unit.known && *column->unit != '\0' && strcmp(column->unit, "1") != 0
@@ -299,6 +301,59 @@ static void add_cell(pm_logger_samples *w, int y, int u, double jump, int pairs)
     w->length = 0;
 }
 
+static bool is_displacement(const pm_logger_column *c) {
+    return c->angle || has_unit(c, "m") || has_unit(c, "C") || has_unit(c, "m^3");
+}
+
+static bool is_flow(const pm_logger_column *c) {
+    return has_unit(c, "m/s") || has_unit(c, "rad/s") || has_unit(c, "A") || has_unit(c, "m^3/s");
+}
+
+// Returns the size of a ratio, or 1 with its sign if it is close to that.
+static double round_ratio(double ratio, double tolerance) {
+    return fabs(fabs(ratio) - 1) < tolerance ? copysign(1, ratio) : ratio;
+}
+
+// Makes column q a position if velocities explain its rate: several ones that of the length of a
+// spring between two bodies, one that of a load behind a gear. Its mate is the one that moves it
+// most of those in its part that have none yet.
+static void find_length(pm_logger_samples *w, int q) {
+    pm_logger_view *view = w->view;
+    const pm_unit second = pm_unit_parse("s");
+    bool used[PM_LOGGER_COLUMNS] = {false};
+    double coefficient[1 + PM_LOGGER_COLUMNS], most = 0, own = 0;
+    int count = 0, mate = -1;
+    for (int v = 0; v < view->nvariable; ++v) {
+        const pm_unit unit = pm_unit_product(&view->column[v].dimension, &second);
+        used[v] = is_flow(&view->column[v]) && pm_unit_equal(&view->column[q].dimension, &unit);
+        count += used[v];
+    }
+    if (view->column[q].mate >= 0 || !is_displacement(&view->column[q]) || count == 0 ||
+        !(pm_logger_regress(w, q, used, coefficient) < 2 * SAME)) {
+        return;
+    }
+    for (int v = 0; v < view->nvariable; ++v) {
+        const double size = used[v] ? fabs(coefficient[1 + v]) : 0;
+        most = fmax(most, size);
+        if (size > own && view->column[v].mate < 0 &&
+            view->column[v].part == view->column[q].part) {
+            own = size, mate = v;
+        }
+    }
+    for (int v = 0; v < view->nvariable && mate >= 0; ++v) {
+        if (used[v] && fabs(coefficient[1 + v]) > SAME * most) {
+            const double ratio =
+                round_ratio(coefficient[1 + v] / view->column[v].deviation, 2 * SAME);
+            *(v == mate ? &view->column[q].ratio : &view->moves[q][v]) = ratio;
+        }
+    }
+    if (mate >= 0) {
+        view->column[q].mate = mate;
+        view->column[q].kind = PM_LOGGER_POSITION;
+        view->column[mate].mate = q;
+    }
+}
+
 // Finds positions with their velocities, then gives each variable its kind.
 static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     pm_logger_view *view = w->view;
@@ -311,32 +366,39 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     // The best pairs first.
     for (int pairs = 0; pairs < view->nvariable; ++pairs) {
         int q = -1, v = -1;
-        double best = INFINITY;
+        double best = INFINITY, ratio = 1;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
                 const pm_logger_column *a = &view->column[i], *b = &view->column[j];
                 const pm_unit unit = pm_unit_product(&b->dimension, &second);
                 const bool known = a->dimension.known && b->dimension.known;
+                const bool same = !known || pm_unit_equal(&a->dimension, &unit);
+                // A rack, a piston, or another sign.
+                const bool geared = known && is_displacement(a) && is_flow(b);
                 bool used[PM_LOGGER_COLUMNS] = {false};
                 double coefficient[1 + PM_LOGGER_COLUMNS];
-                if (i == j || a->mate >= 0 || b->mate >= 0 ||
-                    (known && !pm_unit_equal(&a->dimension, &unit))) {
+                if (i == j || a->mate >= 0 || b->mate >= 0 || !(same || geared)) {
                     continue;
                 }
                 used[j] = true;
                 const double rest = pm_logger_regress(w, i, used, coefficient);
                 const double slope = coefficient[1 + j] / (b->deviation > 0 ? b->deviation : 1);
-                if (rest < fmin(best, 2 * SAME) && fabs(slope - 1) < SAME) {
-                    best = rest, q = i, v = j;
+                const double own = same ? round_ratio(slope, SAME) : slope;
+                if (rest < fmin(best, 2 * SAME) && (own == 1 || (geared && (own == -1 || !same)))) {
+                    best = rest, q = i, v = j, ratio = own;
                 }
             }
         }
         if (q < 0) {
             break;
         }
+        view->column[q].ratio = ratio;
         view->column[q].mate = v;
         view->column[q].kind = PM_LOGGER_POSITION;
         view->column[v].mate = q;
+    }
+    for (int q = 0; q < view->nvariable; ++q) {
+        find_length(w, q);
     }
     const int measured = view->nvariable;
     for (int c = 0; c < measured; ++c) {
@@ -562,6 +624,12 @@ static bool find_mutual(pm_logger_view *view, const pm_logger_action *action) {
     return found;
 }
 
+// Returns how velocity v changes position q; 0: not at all.
+static double rate_of(const pm_logger_view *view, int q, int v) {
+    const pm_logger_column *c = &view->column[q];
+    return c->kind == PM_LOGGER_POSITION && c->mate == v ? c->ratio : view->moves[q][v];
+}
+
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {
@@ -596,7 +664,7 @@ static void find_scales(pm_logger_samples *w) {
         }
     }
     for (int rounds = 0; rounds < view->nvariable; ++rounds) {
-        int from = -1, to = -1;
+        int from = -1, to = -1, by = -1;
         double best = 0;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
@@ -605,11 +673,23 @@ static void find_scales(pm_logger_samples *w) {
                 const bool thermal = view->column[i].kind == PM_LOGGER_TEMPERATURE;
                 if (known[i] && !known[j] && share > best && is_coenergy(&view->column[j]) &&
                     thermal == (view->column[j].kind == PM_LOGGER_TEMPERATURE)) {
-                    best = share, from = i, to = j;
+                    best = share, from = i, to = j, by = -1;
+                }
+                // A spring between two bodies pushes both.
+                for (int q = 0; q < view->nvariable; ++q) {
+                    const double both = fmin(view->share[i][q], view->share[j][q]);
+                    if (known[i] && !known[j] && both > best && rate_of(view, q, i) != 0 &&
+                        rate_of(view, q, j) != 0) {
+                        best = both, from = i, to = j, by = q;
+                    }
                 }
             }
         }
-        if (from >= 0) {
+        if (by >= 0) {
+            view->column[to].inertia = view->column[from].inertia *
+                                       fabs(view->coupling[from][by] / view->coupling[to][by] *
+                                            rate_of(view, by, to) / rate_of(view, by, from));
+        } else if (from >= 0) {
             const double back = view->coupling[to][from];
             const bool falls = view->falls[from][to];
             view->column[to].inertia =
@@ -723,6 +803,23 @@ static pm_status read_parts(pm_logger_view *view, const pm_logger_hints *hints) 
     return PM_OK;
 }
 
+bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind) {
+    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    const bool same = pm_unit_equal(&a->dimension, &b->dimension);
+    return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
+           (same || a->mate < 0 || b->mate < 0) &&
+           fmax(view->share[i][j], view->share[j][i]) > COUPLED;
+}
+
+bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
+    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    return a->part != b->part &&
+           ((a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE) ||
+            view->falls[i][j] || view->falls[j][i] || view->moves[i][j] != 0 ||
+            view->moves[j][i] != 0 || pm_logger_is_coupled(view, i, j, false) ||
+            pm_logger_is_coupled(view, i, j, true));
+}
+
 // Finds the ports: those of the hints, or between parts of which one moves the other.
 static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) {
     for (int i = 0; i < hints->nport; ++i) {
@@ -777,20 +874,29 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
         }
         for (int j = 0; j < view->nvariable; ++j) {
             const pm_logger_column *b = &view->column[j];
-            const bool heat = a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE;
             if (a->part != b->part && view->falls[i][j]) {
                 view->column[i].feeds = view->hides = true;
             }
-            if (a->part < b->part && !heat && !view->falls[i][j] && !view->falls[j][i] &&
-                view->share[j][i] + view->share[i][j] > MOVES &&
-                pm_unit_equal(&a->dimension, &b->dimension)) {
-                return pm_fail(PM_EUSAGE,
-                               "--part: %s and %s move each other by friction or flow, whose heat "
-                               "needs a place: keep them in one part",
-                               a->name, b->name);
+            if (a->part < b->part && pm_logger_is_coupled(view, i, j, true)) {
+                view->column[i].rubs = view->hides = true;
             }
         }
     }
+    // A port through which nothing passes is none.
+    int kept = 0;
+    for (int k = 0; k < view->nport; ++k) {
+        bool acts = false;
+        for (int i = 0; i < view->nvariable; ++i) {
+            for (int j = 0; j < view->nvariable; ++j) {
+                acts = acts ||
+                       (view->column[i].part == view->port[k][0] &&
+                        view->column[j].part == view->port[k][1] && pm_logger_joins(view, i, j));
+            }
+        }
+        memcpy(acts ? view->port[kept++] : view->idle[view->nidle++], view->port[k],
+               sizeof view->port[k]);
+    }
+    view->nport = kept;
     return PM_OK;
 }
 

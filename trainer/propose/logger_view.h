@@ -53,9 +53,11 @@ typedef struct pm_logger_column {
     bool angle;
     int harmonics; // of an angle: of energies, inertias and levers that depend on it
     pm_logger_kind kind;
-    int mate;   // of a position its velocity, of a velocity its position; -1
-    int behind; // of a hidden variable that is no rate: the measured one that it moves; -1
-    int part;   // of variables; -1: an input
+    int mate;            // of a position its velocity, of a velocity its position; -1
+    double ratio;        // of a position: its rate over its velocity, such as a radius; 1 by units
+    bool waves, springs; // of an angle: energies of sines and cosines, of powers
+    int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
+    int part;            // of variables; -1: an input
     pm_logger_guess guess; // of measured variables
     int nother;            // what else a variable may be, in the order in which it is believed
     pm_logger_guess other[PM_LOGGER_NGUESS];
@@ -77,8 +79,9 @@ typedef struct pm_logger_column {
     double roughness;                  // of a measured column: noise over deviation
     double decay;                      // 1/s: minus the coefficient of the variable in its own rate
     bool feeds;                        // a level from which fluid falls into another part
-    bool spills;                       // a level whose vessel has a brim
-    double constant;                   // the rate that depends on nothing, in its unit per s
+    bool rubs;   // a co-energy that loses energy to one of another part; its part takes up the heat
+    bool spills; // a level whose vessel has a brim
+    double constant;    // the rate that depends on nothing, in its unit per s
     double unexplained; // part of its changes that no column explains, itself included
 } pm_logger_column;
 
@@ -120,6 +123,8 @@ typedef struct pm_logger_view {
     int thermometer[PM_LOGGER_PARTS]; // the first temperature that is measured in a part; -1
     int nport;
     int port[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts that move each other
+    int nidle;
+    int idle[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts of the hints that do not
     int naction;
     pm_logger_action action[PM_LOGGER_ACTIONS];
     // coupling[i][j] in 1/s times the unit of i per unit of j: how variable j changes the rate of
@@ -138,6 +143,9 @@ typedef struct pm_logger_view {
     // [i][j], i < j: how much of co-energy j is added to i in the energy of i, since an input moves
     // both through an inertia that they share, as that of two coils; 0: nothing.
     double mutual[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [q][v] how velocity v, beside its mate, changes position q, such as the length of a spring
+    // between two bodies; 0: not at all.
+    double moves[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
     // What regressions on products of columns show (logger_terms.h).
     int nconverter;
@@ -147,6 +155,19 @@ typedef struct pm_logger_view {
     bool crank[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] an angle tells how j moves i
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
+
+// Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
+// across a resistor, those of different kinds, such as a current and an angular velocity, without
+// loss.
+bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind);
+// Returns true if two columns of two parts act on each other by the port of the parts.
+bool pm_logger_joins(const pm_logger_view *view, int i, int j);
+
+// Returns true if an angle may have a spring: it does not turn around.
+static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
+    const double turn = 6.283; // rad
+    return angle->angle && angle->largest - angle->least < turn;
+}
 
 // What the user says about the columns.
 typedef struct pm_logger_hints {

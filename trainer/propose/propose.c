@@ -180,7 +180,10 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         d.space.write = write_vector;
         d.space.context = &d;
         d.space.sketch = &d.sketch;
-        const pm_search_how how = {.budget = p->budget, .loud = p->loud, .stop = p->stop};
+        const pm_search_how how = {.budget = p->budget,
+                                   .most = PM_SEARCH_SLOW * p->budget,
+                                   .loud = p->loud,
+                                   .stop = p->stop};
         status = pm_search_run(&d.space, &how, path, NULL);
     }
     pm_look_free(&d.look);

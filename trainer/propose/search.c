@@ -307,29 +307,33 @@ static pm_fit_effort effort_for(const hypothesis_search *s, double seconds, int 
     return e;
 }
 
+static bool is_over(const hypothesis_search *s) {
+    return s->how->most > 0 && s->used > s->how->most;
+}
+
 // Tries the candidates which [count].
 static pm_status run(hypothesis_search *s, int count, const int *which,
                      const pm_fit_effort *effort) {
-    const double seconds = seconds_of(s, effort);
-    const int *vector[MOST_VECTORS] = {NULL};
-    pm_search_trial *trial = pm_arena_array(&s->arena, (size_t)count + 1, sizeof *trial);
-    PM_TRY(pm_arena_status(&s->arena, "trials"));
-    for (int i = 0; i < count; ++i) {
-        vector[i] = s->candidate[which[i]].vector;
-    }
+    const double seconds = seconds_of(s, effort), most = s->how->most;
     s->left -= count * seconds;
-    PM_TRY(pm_search_try(s->space, count, vector, effort, fmax(SAFETY * seconds, FEWEST_SECONDS),
-                         s->how->stop, trial, &s->used));
-    for (int i = 0; i < count; ++i) {
-        tried_vector *c = &s->candidate[which[i]];
-        *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
-        c->finalist = c->finalist || effort->stages > 1;
+    for (int first = 0; first < count; first += AT_ONCE) {
+        const int n = count - first < AT_ONCE ? count - first : AT_ONCE;
+        const int *vector[AT_ONCE] = {NULL};
+        pm_search_trial trial[AT_ONCE];
+        // The trials end with the time that is left, if it is measured.
+        const double left = most > 0 ? fmax((most - s->used) / n, 1) : INFINITY;
+        const double longest = fmin(fmax(SAFETY * seconds, FEWEST_SECONDS), left);
+        for (int i = 0; i < n; ++i) {
+            vector[i] = s->candidate[which[first + i]].vector;
+        }
+        PM_TRY(pm_search_try(s->space, n, vector, effort, longest, s->how->stop, trial, &s->used));
+        for (int i = 0; i < n; ++i) {
+            tried_vector *c = &s->candidate[which[first + i]];
+            *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
+            c->finalist = c->finalist || effort->stages > 1;
+        }
     }
     return PM_OK;
-}
-
-static bool is_over(const hypothesis_search *s) {
-    return s->how->most > 0 && s->used > s->how->most;
 }
 
 // Tries the candidates from number `first` on, as many as the time allows.

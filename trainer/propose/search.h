@@ -9,7 +9,7 @@
 // of successive halving, Jamieson, Talwalkar, AISTATS 2016).
 //
 // The same space, data and budget give the same vector: the budget is turned into a number of
-// trials and of iterations by a nominal speed, not by a clock.
+// trials and of iterations by a nominal speed. A clock ends the search on slow machines alone.
 #ifndef PM_TRAINER_PROPOSE_SEARCH_H
 #define PM_TRAINER_PROPOSE_SEARCH_H
 
@@ -22,6 +22,9 @@
 
 // What a proposal writes begins so: it replaces no other file.
 #define PM_PROPOSED "# Proposed by portmet-train propose"
+
+// How much slower than the nominal machine a machine may be without a shorter search.
+#define PM_SEARCH_SLOW 1.5
 
 #define PM_SEARCH_CHOICES 64
 #define PM_SEARCH_ALTERNATIVES 8
@@ -52,8 +55,8 @@ typedef struct pm_hypotheses {
 
 typedef struct pm_search_how {
     double budget; // s of CPU time on a nominal machine; 0: the first vector is written untried
-    // s of CPU time as it is measured, after which no further vector is tried; 0: none. The result
-    // then depends on the machine.
+    // s of CPU time as it is measured, after which the trials end; 0: no limit. On a machine that
+    // needs longer the result depends on the machine.
     double most;
     bool loud;                         // print a line for each round
     const volatile sig_atomic_t *stop; // ends the search when nonzero; or NULL

@@ -39,6 +39,7 @@
 #define NORMAL_MEDIAN 1.4826022185056018
 // If the first windows cannot be integrated: how often substeps are doubled, how often the distance
 // of the weights from their declared values is halved, and how often other starts are drawn.
+#define FEW_FINER 1
 #define MOST_FINER 5
 #define MOST_CALMER 8
 #define MOST_DRAWS 64
@@ -355,14 +356,11 @@ static bool draw_starts(pm_shooting *s) {
     return finite;
 }
 
-// Makes the first windows integrable: with more substeps, with weights that are closer to their
-// declared values, or else with other starts.
-static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
-    double *theta = malloc((size_t)s->nborder * sizeof *theta);
-    PM_TRY(theta != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for weights"));
-    pm_shooting_weights(s, theta);
-    bool finite = isfinite(pm_shooting_evaluate(s, s->z, false));
-    for (int i = 0; i < MOST_FINER && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {
+// Takes more substeps, up to `most` doublings, until the first windows can be integrated. Returns
+// whether they can; else the substeps stay as they were.
+static bool refine(pm_shooting *s, pm_continuation_point *p, int substeps, int most) {
+    bool finite = false;
+    for (int i = 0; i < most && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {
         ++p->finer;
         begin_stage(s, p->stage, substeps << p->finer);
         finite = isfinite(pm_shooting_evaluate(s, s->z, false));
@@ -375,6 +373,18 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
         p->finer = 0;
         begin_stage(s, p->stage, substeps);
     }
+    return finite;
+}
+
+// Makes the first windows integrable: with a few more substeps, with weights that are closer to
+// their declared values, with many more substeps, which cost as much time in all that follows, or
+// else with other starts.
+static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
+    double *theta = malloc((size_t)s->nborder * sizeof *theta);
+    PM_TRY(theta != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for weights"));
+    pm_shooting_weights(s, theta);
+    bool finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+    finite = finite || refine(s, p, substeps, FEW_FINER);
     for (int i = 0; i < MOST_CALMER && !finite && s->failed == PM_OK; ++i) {
         for (int k = 0; k < s->nweight; ++k) {
             theta[k] = 0.5 * (theta[k] + s->terms.first_weight[k]);
@@ -383,7 +393,7 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
         finite = isfinite(pm_shooting_evaluate(s, s->z, false));
     }
     free(theta);
-    finite = finite || draw_starts(s);
+    finite = finite || refine(s, p, substeps, MOST_FINER) || draw_starts(s);
     PM_TRY(s->failed);
     return finite ? PM_OK
                   : pm_fail(PM_ENUMERIC, "the first windows of %d samples cannot be integrated",

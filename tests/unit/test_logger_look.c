@@ -1,0 +1,179 @@
+// What columns of a logger are: positions whose rates several velocities or a lever explain, the
+// energies of angles, and what passes between parts.
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "propose/logger_view.h"
+
+enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 4 };
+
+typedef struct logged {
+    int nz;
+    const char *const *column;
+    const char *unit; // separated by ';'
+    double dt;
+    void (*rate)(const double *z, double *rate);
+} logged;
+
+// Trajectories of a system by the classical method of Runge and Kutta.
+static pm_dataset *record(const logged *s) {
+    pm_dataset *d = NULL;
+    enum { FINE = 10 };
+    static const double at[4] = {0, 0.5, 0.5, 1}, weight[4] = {1, 2, 2, 1};
+    assert_int_equal(pm_dataset_new(&d, TRAJECTORIES, SAMPLES, s->nz, s->dt, s->column), PM_OK);
+    assert_int_equal(pm_dataset_note(d, "units", "%s", s->unit), PM_OK);
+    const double h = s->dt / FINE;
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        double z[MOST];
+        for (int c = 0; c < s->nz; ++c) {
+            z[c] = 0.6 * cos(1.7 * i + 2.3 * c);
+        }
+        for (int j = 0; j < FINE * SAMPLES; ++j) {
+            double k[MOST] = {0}, sum[MOST] = {0}, y[MOST];
+            if (j % FINE == 0) {
+                memcpy(pm_dataset_state(d, i, j / FINE), z, (size_t)s->nz * sizeof *z);
+            }
+            for (int stage = 0; stage < 4; ++stage) {
+                for (int c = 0; c < s->nz; ++c) {
+                    y[c] = z[c] + h * at[stage] * k[c];
+                }
+                s->rate(y, k);
+                for (int c = 0; c < s->nz; ++c) {
+                    sum[c] += weight[stage] * k[c] / 6;
+                }
+            }
+            for (int c = 0; c < s->nz; ++c) {
+                z[c] += h * sum[c];
+            }
+        }
+    }
+    return d;
+}
+
+static void look(pm_logger_view *v, const pm_dataset *d, const pm_logger_hints *hints) {
+    assert_int_equal(pm_logger_look(v, d, hints), PM_OK);
+}
+
+// --- two bodies of 1 and 3 kg with a spring and a damper between them ---
+
+static void pair_rate(const double *z, double *rate) {
+    const double force = 40 * z[2] + 30 * z[2] * z[2] * z[2], rub = 0.8 * (z[1] - z[0]);
+    rate[0] = force + rub;
+    rate[1] = -(force + rub) / 3;
+    rate[2] = z[1] - z[0];
+}
+
+static void the_length_of_a_spring_has_two_velocities(void **state) {
+    (void)state;
+    static const char *const column[] = {"v1", "v2", "d"};
+    static const char *const part[] = {"one=v1,d", "two=v2"};
+    static const char *const port[] = {"one,two"};
+    pm_dataset *d = record(&(logged){3, column, "m/s;m/s;m", 0.02, pair_rate});
+    const pm_logger_hints hints = {
+        .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
+    pm_logger_view v;
+    look(&v, d, &hints);
+    assert_int_equal(v.column[2].kind, PM_LOGGER_POSITION);
+    assert_int_equal(v.column[2].mate, 0); // of its own part
+    assert_true(v.column[2].ratio == -1);
+    assert_true(v.moves[2][1] == 1);
+    assert_true(v.moves[2][0] == 0);
+    assert_true(pm_logger_joins(&v, 2, 1));
+    assert_true(v.column[0].rubs);
+    assert_int_equal(v.nport, 1);
+    // The spring pushes both, which tells one inertia from the other.
+    assert_true(fabs(v.column[1].inertia / v.column[0].inertia / 3 - 1) < 0.1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- a rack on a spring, moved by a shaft ---
+
+#define RADIUS 0.05 // m
+
+static void rack_rate(const double *z, double *rate) {
+    rate[0] = -RADIUS * z[1];
+    rate[1] = RADIUS * 400 * z[0] - 0.1 * z[1];
+}
+
+static void a_shaft_moves_a_rack(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "w"};
+    pm_dataset *d = record(&(logged){2, column, "m;rad/s", 0.1, rack_rate});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
+    assert_int_equal(v.column[0].mate, 1);
+    assert_true(fabs(v.column[0].ratio / -RADIUS - 1) < 0.05);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- angles with a weight and with a spring ---
+
+static void weight_rate(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -90 * sin(2 * z[0]) - 0.05 * z[1];
+}
+
+static void spring_rate(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -5 * z[0] - 200 * z[0] * z[0] * z[0] - 0.05 * z[1];
+}
+
+static void data_tell_a_weight_from_a_spring(void **state) {
+    (void)state;
+    static const char *const column[] = {"q", "w"};
+    void (*const rate[])(const double *, double *) = {weight_rate, spring_rate};
+    for (int k = 0; k < 2; ++k) {
+        pm_dataset *d = record(&(logged){2, column, "rad;rad/s", 0.005, rate[k]});
+        pm_logger_view v;
+        look(&v, d, &(pm_logger_hints){.hidden = -1});
+        assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
+        assert_true(v.column[0].waves == (k == 0));
+        assert_true(v.column[0].springs == (k == 1));
+        pm_logger_view_free(&v);
+        pm_dataset_free(d);
+    }
+}
+
+// --- parts that do not meet ---
+
+static void apart_rate(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -30 * z[0] - 0.3 * z[1];
+    rate[2] = z[3];
+    rate[3] = -11 * z[2] - 0.2 * z[3];
+}
+
+static void nothing_passes_between_two_springs(void **state) {
+    (void)state;
+    static const char *const column[] = {"x1", "v1", "x2", "v2"};
+    static const char *const part[] = {"one=x1,v1", "two=x2,v2"};
+    static const char *const port[] = {"one,two"};
+    pm_dataset *d = record(&(logged){4, column, "m;m/s;m;m/s", 0.03, apart_rate});
+    const pm_logger_hints hints = {
+        .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
+    pm_logger_view v;
+    look(&v, d, &hints);
+    assert_int_equal(v.nport, 0);
+    assert_int_equal(v.nidle, 1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
+        cmocka_unit_test(a_shaft_moves_a_rack),
+        cmocka_unit_test(data_tell_a_weight_from_a_spring),
+        cmocka_unit_test(nothing_passes_between_two_springs),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
