@@ -15,7 +15,7 @@
 #define PM_MAX_GROUPS 16
 #define PM_MAX_FEATURES 32
 #define PM_MAX_DERIVED 16
-#define PM_MAX_LEARNED 128 // learned constants of one model
+#define PM_MAX_LEARNED 512 // learned constants of one model
 #define PM_MAX_EXPONENTIALS 8
 #define PM_DEFAULT_EXPONENTIALS 2
 #define PM_DEFAULT_TEMPERATURE 300.0 // K

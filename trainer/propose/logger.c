@@ -9,6 +9,7 @@
 
 #include "base/files.h"
 #include "propose/logger_draft.h"
+#include "propose/logger_laws.h"
 #include "propose/search.h"
 
 // Trials: of so many samples at most, in so many trajectories at least, so that some can be kept
@@ -192,7 +193,8 @@ static pm_status try_guesses(hidden_search *s, int from) {
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
         // Errors as large as the deviation tell no guess from another.
-        const double other = fmin(error_of(s, s->best), 1);
+        const double so_far = error_of(s, s->best),
+                     other = isfinite(so_far) ? fmin(so_far, 1) : so_far;
         if (error < (s->best < from ? BETTER : 1) * other) {
             s->best = i;
         }
@@ -229,26 +231,27 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
 
 // Tries other laws beside the best guesses: those that may explain more than the first ones.
 static pm_status find_laws(hidden_search *s) {
-    for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
-        const pm_logger_choice which = (pm_logger_choice)k;
+    static const int richer[][2] = {{PM_LOGGER_FRICTION, WAVY_FRICTION},
+                                    {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
+                                    {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
+                                    {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+    const int from = s->count;
+    if (explains(s) || s->used >= s->hints->budget) {
+        return PM_OK;
+    }
+    for (size_t k = 0; k < sizeof richer / sizeof *richer && s->count < MOST_TRIALS; ++k) {
         const char *name;
         const char *const *alternative;
-        const int from = s->count,
-                  count = pm_logger_alternatives(&s->first, which, &name, &alternative);
-        for (int a = 1; a < count && s->count < MOST_TRIALS; ++a) {
-            if (pm_logger_is_richer(which, a)) {
-                memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
-                memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
-                s->chosen[s->count++][k] = a;
-            }
-        }
-        if (!explains(s) && s->used < s->hints->budget) {
-            PM_TRY(try_guesses(s, from));
-        } else {
-            s->count = from;
+        const int which = richer[k][0];
+        const int count =
+            pm_logger_alternatives(&s->first, (pm_logger_choice)which, &name, &alternative);
+        if (richer[k][1] < count) {
+            memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
+            memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
+            s->chosen[s->count++][which] = richer[k][1];
         }
     }
-    return PM_OK;
+    return try_guesses(s, from);
 }
 
 // Tries what may be hidden behind the columns: first the same behind all columns of a unit, then

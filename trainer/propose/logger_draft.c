@@ -151,12 +151,6 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
     return !some[which] ? 1 : choices[which].count - (which == PM_LOGGER_POTENTIAL && !springs);
 }
 
-bool pm_logger_is_richer(pm_logger_choice which, int alternative) {
-    return (which == PM_LOGGER_FRICTION && alternative == WAVY_FRICTION) ||
-           (which == PM_LOGGER_POTENTIAL && alternative != SUMS_OF_POSITIONS) ||
-           (which == PM_LOGGER_LEVELS && alternative == NETWORKS_OF_LEVELS);
-}
-
 // --- the scene ---
 
 static pm_status close_file(FILE *file, const char *path) {

@@ -31,9 +31,6 @@ typedef struct pm_logger_draft {
 int pm_logger_alternatives(const pm_logger_view *view, pm_logger_choice which, const char **name,
                            const char *const **alternative);
 
-// Returns true if an alternative may explain more than the first one.
-bool pm_logger_is_richer(pm_logger_choice which, int alternative);
-
 // Writes the scene. PM_EFILE.
 pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path);
 // Writes the training file of chosen [PM_LOGGER_NCHOICE], with `comment` at its head. PM_EFILE.
