@@ -168,7 +168,9 @@ static pm_status check_name(const pm_control *control, const char *name) {
     }
     return control->service.path != NULL
                ? PM_OK
-               : pm_fail(PM_EUSAGE, "portmetd serve was given no folder for recordings");
+               : pm_fail(PM_EUSAGE,
+                         "portmetd serve was given no folder for recordings and checkpoints "
+                         "(--record DIR)");
 }
 
 // Begins a run, or takes the present one to another state: to its start, or with `from` to the

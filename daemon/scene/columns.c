@@ -181,6 +181,14 @@ static pm_status convert_prescribed(converter *c, const pm_scene_boundary_input 
                                  ? pm_arena_strdup(c->arena, symbol)
                                  : pm_arena_printf(c->arena, "%s/(%s)", k == 1 ? "J" : "J/K", own);
             PM_TRY(pm_arena_status(c->arena, "units"));
+            const int column = value->column == NULL ? -1 : pm_names_find(&c->names, value->column);
+            const char *given = column < 0 ? "" : c->unit[column];
+            double factor, offset;
+            if (*given != '\0' && pm_unit_parse(given).known && unit[k].known &&
+                !pm_unit_conversion(given, &unit[k], &factor, &offset)) {
+                return pm_fail(PM_EDATA, "%s: the column \"%s\" is in %s, expected %s", value->at,
+                               value->column, given, to);
+            }
             PM_TRY(convert_column(c, value->column, &unit[k], to, value->at));
         }
     }

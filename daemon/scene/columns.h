@@ -19,10 +19,11 @@ typedef struct pm_columns {
 } pm_columns;
 
 // Converts the columns of a dataset to the units of the scene: those of groups to the unit of the
-// group, those that boundary inputs follow to that of the value or co-energy. Columns of other
-// quantities, or whose unit is not known, stay as they are; so do those of observations, whose
-// formulas say what they show. The dataset notes what was converted. Call it after loading, before
-// the dataset is used. PM_ECONFIG: a column has two uses in different units; PM_EDATA; PM_ENOMEM.
+// group, those that boundary inputs follow to that of the value or co-energy. Columns of groups
+// that are other quantities, or whose unit is not known, stay as they are; so do those of
+// observations, whose formulas say what they show. The dataset notes what was converted. Call it
+// after loading, before the dataset is used. PM_ECONFIG: a column has two uses in different units;
+// PM_EDATA: a column that a boundary input follows is another quantity; PM_ENOMEM.
 pm_status pm_columns_convert(const pm_scene *scene, pm_dataset *dataset);
 
 // Finds the scene's columns in the dataset. The arrays lie in the arena; the names are borrowed

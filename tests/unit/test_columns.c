@@ -233,6 +233,12 @@ static void units_become_those_of_the_scene_and_come_back(void **state) {
     for (int k = 0; k < NCOLUMN; ++k) {
         assert_true(fabs(other->z[k] - k) <= 1e-14 * k);
     }
+    // A boundary input follows no column of another quantity.
+    pm_dataset_free(d);
+    assert_int_equal(pm_dataset_new(&d, 1, 2, NCOLUMN, 1, names), PM_OK);
+    assert_int_equal(pm_dataset_note(d, "units", ";;;;;;;kPa;;;"), PM_OK);
+    assert_int_equal(pm_columns_convert(&scene, d), PM_EDATA);
+    assert_non_null(strstr(pm_error(), "f:1:40: the column \"x\" is in kPa, expected m^3"));
     // A column has one unit: here a volume and, elsewhere, litres.
     pm_dataset_free(d);
     pm_group litres = {.name = "v", .unit = "L", .size = 1};

@@ -198,9 +198,8 @@ pm_status pm_command_fit(int argc, char **argv, const volatile sig_atomic_t *sto
         {"--black-box", NULL, NULL, &a.black_box, NULL, false,
          .help = "also train a model without structure for the same CPU time"},
         {"--budget", NULL, "SECONDS", NULL, &a.budget, false,
-         .help =
-             "CPU time for trials of hypotheses: of a SCENE, and after a fit that is not good; 0: "
-             "none (default 60)"},
+         .help = "CPU time for trials of hypotheses: of a SCENE, and after a fit of states that is "
+                 "not good; 0: none (default 60)"},
         {"--resume", NULL, NULL, &a.resume, NULL, false,
          .help = "continue from DIR/fit.checkpoint; stages may have been added, the last may be "
                  "longer"},

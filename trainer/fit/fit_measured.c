@@ -982,6 +982,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     double *black = pm_arena_array(&arena, (size_t)ny, sizeof *black);
     double *deviation = pm_arena_array(&arena, (size_t)ny, sizeof *deviation);
     bool finite = true, known = false;
+    const char *name = "it";
     double taken = 0, worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
     char text[200];
     pm_status status;
@@ -1022,6 +1023,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         const double rest = sqrt(fmax(typical * typical - noise * noise, 0));
         finite = finite && isfinite(errors.median);
         worst = fmax(worst, typical);
+        name = rest > unexplained ? m->observation.name[c] : name;
         unexplained = fmax(unexplained, rest);
         own += log(errors.median) / ny;
         other += box.tried > 0 ? log(black[c]) / ny : 0;
@@ -1036,7 +1038,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         PM_TRY_DONE(pm_verdict_unfit(f->verdict, "predictions of the %s part are %s", where, what));
     }
     pm_verdict_compare(&v, unexplained, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
-                       "%.3g %% of it is not explained by noise", 100 * unexplained);
+                       "%.3g %% of %s is not explained by noise", 100 * unexplained, name);
     pm_verdict_compare(&v, m->point[1] < m->longest ? 1 : 0, 1, INFINITY,
                        "the fit stopped at windows of %.0f of %d samples", m->point[1], m->longest);
     if (validation && known && !f->interrupted) {

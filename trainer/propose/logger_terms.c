@@ -11,8 +11,9 @@
 #define RIDGE 1e-9  // of the diagonal of the normal equations
 #define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
-#define CLEARLY 0.9 // of what other terms leave: these leave clearly less
-#define PUSHES 0.1  // of the root mean square rate: a constant rate that is smaller is none
+#define SMALL_ANGLE 1.2 // rad
+#define CLEARLY 0.9     // of what other terms leave: these leave clearly less
+#define PUSHES 0.1      // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
 typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, AWAY, SINE, COSINE } atom_kind;
@@ -211,8 +212,9 @@ static void add_forces(const pm_logger_view *v, term_list *list, int i) {
 }
 
 // Finds whether an angle with the velocity i has an energy of sines and cosines, as a weight does,
-// of powers, as a spring does, or both: what explains the changes of the velocity. An angle that
-// turns around has no spring.
+// of powers, as a spring does, or both: what explains the changes of the velocity. Where both do
+// so equally well, small angles have powers, since sines would then hardly differ from each other.
+// An angle that turns around has no spring.
 static void find_energy(const pm_logger_samples *w, int i, equations *work) {
     pm_logger_column *q = &w->view->column[w->view->column[i].mate];
     double rest[3] = {0}; // of waves, of springs, of both
@@ -226,7 +228,9 @@ static void find_energy(const pm_logger_samples *w, int i, equations *work) {
     }
     const bool may = pm_logger_may_spring(q);
     const bool both = may && rest[2] < CLEARLY * fmin(rest[0], rest[1]);
-    q->springs = both || (may && rest[1] < CLEARLY * rest[0]);
+    const bool small = q->largest - q->least < 2 * SMALL_ANGLE;
+    q->springs =
+        both || (may && (small ? !(rest[0] < CLEARLY * rest[1]) : rest[1] < CLEARLY * rest[0]));
     q->waves = both || !q->springs;
 }
 
