@@ -172,7 +172,7 @@ begin_and_interrupt() {
 }
 
 config slow_adam '{optimiser: adam, iterations: 4, batch: 16}' \
-    '{optimiser: adam, iterations: 100, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
+    '{optimiser: adam, iterations: 40, batch: 8, rate: [3.0e-3, 1.0e-4], robust: 3}'
 config slow_gauss_newton '{optimiser: gauss_newton, iterations: 100, batch: 50, substeps: 2, robust: 3}'
 config slow_lbfgs '{optimiser: lbfgs, iterations: 250, substeps: 8}'
 for name in slow_adam slow_gauss_newton slow_lbfgs; do
@@ -192,7 +192,7 @@ fit again again || fail "fit again"
 same_weights "the same fit twice" gauss_newton again
 # It may be interrupted while the initial weights are chosen, too.
 config starting '{optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 2}'
-sed -i '1i start: {tries: 24}' "$folder/starting.yaml"
+sed -i '1i start: {tries: 10}' "$folder/starting.yaml"
 fit starting starting || fail "fit starting"
 interrupt starting resumed_starting
 grep -q "while choosing the initial weights; continue with --resume" "$folder/interrupted" ||
@@ -280,7 +280,7 @@ subsystems: {upper: link, lower: link}
 ports: {joint: joint}
 loss: {residual: step}
 stages:
-  - {optimiser: gauss_newton, iterations: 2, batch: 200, substeps: 4}
+  - {optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 4}
 END
 fit stiff stiff
 says '^stage 1/1: .*The stage begins again with 8 substeps\.'

@@ -31,6 +31,7 @@
 #define ENOUGH 1e-2
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
+#define LEAST_SECONDS 15  // likewise, when the time of the search is nearly over
 #define FOR_FINALISTS 0.3 // of the budget
 #define FOR_ONE_ROUND 0.5
 
@@ -320,8 +321,8 @@ static pm_status run(hypothesis_search *s, int count, const int *which,
         const int n = count - first < AT_ONCE ? count - first : AT_ONCE;
         const int *vector[AT_ONCE] = {NULL};
         pm_search_trial trial[AT_ONCE];
-        // The trials end with the time that is left, if it is measured.
-        const double left = most > 0 ? fmax((most - s->used) / n, 1) : INFINITY;
+        // The trials end with the time that is left, if it is measured, but not at once.
+        const double left = most > 0 ? fmax(most - s->used, LEAST_SECONDS) : INFINITY;
         const double longest = fmin(fmax(SAFETY * seconds, FEWEST_SECONDS), left);
         for (int i = 0; i < n; ++i) {
             vector[i] = s->candidate[which[first + i]].vector;
