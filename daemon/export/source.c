@@ -507,7 +507,7 @@ static void write_substep(FILE *file, const void *context) {
         fprintf(file, "), %d);\n        }\n", stage);
         fprintf(file, "        evaluate(%s, s->u, dE, dS, k[%d], port%s);\n",
                 stage == 0 ? "z" : "next", stage, w->inner ? ", inner" : "");
-        // What the stage adds to the fluxes into the outside: the terms in the order of
+        // The stage adds to the fluxes into the outside, by the terms in the order of
         // sim/lanes.c.
         fputs("        weight = ", file);
         pm_source_number(file, rk->b[stage]);

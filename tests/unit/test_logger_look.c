@@ -1,5 +1,5 @@
-// What columns of a logger are: positions whose rates several velocities or a lever explain, the
-// energies of angles, and what passes between parts.
+// The columns of a logger are told apart: positions whose rates several velocities or a lever
+// explain, energies of angles, and what passes between parts.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -20,7 +20,6 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define TURN 6.283   // rad
 #define BENDS 3      // bends of a function of one variable, each of which has a place and a width
 #define MOST_BENDS 8 // likewise, of a function that may be wavy
 
@@ -314,7 +313,7 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
 static bool has_spring(const pm_logger_view *v, int i, int j) {
     const pm_logger_column *a = &v->column[i], *b = &v->column[j];
     return a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
-           (!a->angle || v->apart[i][j] < TURN);
+           (!a->angle || v->apart[i][j] < PM_LOGGER_TURN);
 }
 
 // Writes V, the energy of positions.
@@ -372,7 +371,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         }
         if (w->v->column[c].part == part && w->v->column[c].rubs) {
             fprintf(w->model, "      - \"%.6g*s_%s\"   # at the temperature of the surroundings\n",
-                    ROOM_TEMPERATURE, w->v->column[c].name);
+                    w->v->bath, w->v->column[c].name);
         }
     }
     if (positions > 0 && w->chosen[PM_LOGGER_POTENTIAL] == NETWORK_OF_POSITIONS) {

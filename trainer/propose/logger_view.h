@@ -17,6 +17,7 @@
 #define PM_LOGGER_ACTIONS 64
 #define PM_LOGGER_COLDEST 200.0 // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
+#define PM_LOGGER_TURN 6.283 // rad
 
 typedef enum pm_logger_kind {
     PM_LOGGER_POSITION,    // dq/dt = v, where v is its mate; or of a charge and a current
@@ -165,8 +166,7 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j);
 
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
-    const double turn = 6.283; // rad
-    return angle->angle && angle->largest - angle->least < turn;
+    return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;
 }
 
 // What the user says about the columns.
