@@ -33,9 +33,9 @@ pm_status pm_fail(pm_status code, const char *format, ...)
     __attribute__((format(printf, 2, 3), visibility("default")));
 
 // Returns PM_OK if `memory` was allocated. If it is NULL, fails with PM_ENOMEM and the description
-// "out of memory for <what>", where `what` is a format.
+// "out of memory for <what>", where `what` is a format. Modules call it, too.
 pm_status pm_allocated(const void *memory, const char *what, ...)
-    __attribute__((format(printf, 2, 3)));
+    __attribute__((format(printf, 2, 3), visibility("default")));
 
 // Returns the calling thread's last description; "" if there is none. The text is valid until the
 // next pm_fail or pm_forget_error of this thread.

@@ -40,7 +40,7 @@ static pm_status read_path(pm_scene_reader *r, pm_yaml at, const char **path) {
 
 static pm_status read_network(pm_scene_reader *r) {
     pm_network *network = &r->scene->network;
-    const pm_yaml url = pm_yaml_get(r->root, "url"), tap = pm_yaml_get(r->root, "a tap");
+    const pm_yaml url = pm_yaml_get(r->root, "url"), tap = pm_yaml_get(r->root, "tap");
     const pm_yaml key_file = pm_yaml_get(r->root, "key_file");
     if (pm_yaml_exists(url)) {
         PM_TRY(pm_yaml_text(url, r->arena, &network->url));
