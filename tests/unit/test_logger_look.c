@@ -14,7 +14,7 @@
 enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 4 };
 
 typedef struct logged {
-    int nz;
+    int nz, hidden; // columns, and states that none shows
     const char *const *column;
     const char *unit; // separated by ';'
     double dt;
@@ -29,9 +29,11 @@ static pm_dataset *record(const logged *s) {
     assert_int_equal(pm_dataset_new(&d, TRAJECTORIES, SAMPLES, s->nz, s->dt, s->column), PM_OK);
     assert_int_equal(pm_dataset_note(d, "units", "%s", s->unit), PM_OK);
     const double h = s->dt / FINE;
+    const int n = s->nz + s->hidden;
+    assert_true(n <= MOST);
     for (int i = 0; i < TRAJECTORIES; ++i) {
         double z[MOST];
-        for (int c = 0; c < s->nz; ++c) {
+        for (int c = 0; c < n; ++c) {
             z[c] = 0.6 * cos(1.7 * i + 2.3 * c);
         }
         for (int j = 0; j < FINE * SAMPLES; ++j) {
@@ -40,15 +42,15 @@ static pm_dataset *record(const logged *s) {
                 memcpy(pm_dataset_state(d, i, j / FINE), z, (size_t)s->nz * sizeof *z);
             }
             for (int stage = 0; stage < 4; ++stage) {
-                for (int c = 0; c < s->nz; ++c) {
+                for (int c = 0; c < n; ++c) {
                     y[c] = z[c] + h * at[stage] * k[c];
                 }
                 s->rate(y, k);
-                for (int c = 0; c < s->nz; ++c) {
+                for (int c = 0; c < n; ++c) {
                     sum[c] += weight[stage] * k[c] / 6;
                 }
             }
-            for (int c = 0; c < s->nz; ++c) {
+            for (int c = 0; c < n; ++c) {
                 z[c] += h * sum[c];
             }
         }
@@ -74,7 +76,7 @@ static void the_length_of_a_spring_has_two_velocities(void **state) {
     static const char *const column[] = {"v1", "v2", "d"};
     static const char *const part[] = {"one=v1,d", "two=v2"};
     static const char *const port[] = {"one,two"};
-    pm_dataset *d = record(&(logged){3, column, "m/s;m/s;m", 0.02, pair_rate});
+    pm_dataset *d = record(&(logged){3, 0, column, "m/s;m/s;m", 0.02, pair_rate});
     const pm_logger_hints hints = {
         .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
     pm_logger_view v;
@@ -105,7 +107,7 @@ static void rack_rate(const double *z, double *rate) {
 static void a_shaft_moves_a_rack(void **state) {
     (void)state;
     static const char *const column[] = {"x", "w"};
-    pm_dataset *d = record(&(logged){2, column, "m;rad/s", 0.1, rack_rate});
+    pm_dataset *d = record(&(logged){2, 0, column, "m;rad/s", 0.1, rack_rate});
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.hidden = -1});
     assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
@@ -132,7 +134,7 @@ static void data_tell_a_weight_from_a_spring(void **state) {
     static const char *const column[] = {"q", "w"};
     void (*const rate[])(const double *, double *) = {weight_rate, spring_rate};
     for (int k = 0; k < 2; ++k) {
-        pm_dataset *d = record(&(logged){2, column, "rad;rad/s", 0.005, rate[k]});
+        pm_dataset *d = record(&(logged){2, 0, column, "rad;rad/s", 0.005, rate[k]});
         pm_logger_view v;
         look(&v, d, &(pm_logger_hints){.hidden = -1});
         assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
@@ -157,7 +159,7 @@ static void nothing_passes_between_two_springs(void **state) {
     static const char *const column[] = {"x1", "v1", "x2", "v2"};
     static const char *const part[] = {"one=x1,v1", "two=x2,v2"};
     static const char *const port[] = {"one,two"};
-    pm_dataset *d = record(&(logged){4, column, "m;m/s;m;m/s", 0.03, apart_rate});
+    pm_dataset *d = record(&(logged){4, 0, column, "m;m/s;m;m/s", 0.03, apart_rate});
     const pm_logger_hints hints = {
         .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
     pm_logger_view v;
@@ -168,12 +170,43 @@ static void nothing_passes_between_two_springs(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a mass on a spring beside a spring and a damper in series ---
+
+static void relaxing_rate(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -4 * z[0] - z[2];
+    rate[2] = 6 * z[1] - 3 * z[2];
+}
+
+static void a_hidden_force_is_what_no_column_explains(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "v"};
+    static const pm_logger_guess guess[] = {PM_LOGGER_AS_FOUND, PM_LOGGER_MOVED};
+    pm_dataset *d = record(&(logged){2, 1, column, "m;m/s", 0.02, relaxing_rate});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.column[1].nother, 1);
+    assert_int_equal(v.column[1].other[0], PM_LOGGER_MOVED);
+    pm_logger_view_free(&v);
+    look(&v, d, &(pm_logger_hints){.hidden = -1, .guess = guess});
+    assert_int_equal(v.nvariable, 3);
+    assert_string_equal(v.column[2].name, "v_behind");
+    assert_string_equal(v.column[2].unit, "N");
+    // It relaxes, and acts against the velocity that moves it.
+    assert_true(v.column[2].decay > 1);
+    assert_true(v.coupling[1][2] * v.coupling[2][1] < 0);
+    assert_true(v.column[2].unexplained < 0.1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
         cmocka_unit_test(a_shaft_moves_a_rack),
         cmocka_unit_test(data_tell_a_weight_from_a_spring),
         cmocka_unit_test(nothing_passes_between_two_springs),
+        cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

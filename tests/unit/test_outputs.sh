@@ -61,12 +61,12 @@ succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
 
 # What is proposed moves with its folder, since its files name each other, and the data, as seen from where they are.
 mkdir -p "$folder/study/drafts"
-awk 'BEGIN { print "t,angle"; for (i = 0; i < 300; ++i) printf "%g,%g\n", i * 0.05, exp(-0.01 * i) * cos(0.1 * i) }' \
+awk 'BEGIN { print "t,angle"; for (i = 0; i < 100; ++i) printf "%g,%g\n", i * 0.05, exp(-0.01 * i) * cos(0.1 * i) }' \
     >"$folder/study/angle.csv"
 cp "$scene" "$data" "$folder/study"
 (
     cd "$folder/study/drafts"
-    "$train" propose --data ../angle.csv -o pendulum --budget 0 && "$train" propose ../scene.yaml --data ../reference.h5 -o pair.yaml
+    "$train" propose --data ../angle.csv -o pendulum --budget 0 && "$train" propose ../scene.yaml --data ../reference.h5 -o pair.yaml --budget 0
 ) >"$folder/proposed" 2>&1 || fail "propose: $(cat "$folder/proposed")"
 grep -h 'h5\|^scene: ".*yaml' "$folder/study/drafts/pair.yaml" "$folder"/study/drafts/pendulum/*.yaml | grep 'file:\|^scene' |
     sed 's/.*\(scene\|file\): "\([^"]*\)".*/\2/' | sort | uniq | tr '\n' ' ' >"$folder/named"

@@ -255,7 +255,24 @@ static pm_status find_laws(hidden_search *s) {
 }
 
 // Tries what may be hidden behind the columns: first the same behind all columns of a unit, then
-// behind single ones, until nothing is better.
+// behind single ones, until nothing is better. `moving`: behind velocities of measured positions,
+// or behind all other columns.
+static pm_status find_columns(hidden_search *s, bool moving) {
+    for (int alike = 1; alike >= 0; --alike) {
+        for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
+            const pm_logger_column *column = &s->first.column[c];
+            const int from = s->count;
+            const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
+            for (int i = 0; i < column->nother && moves == moving; ++i) {
+                add_guess(s, c, column->other[i], alike == 1);
+            }
+            PM_TRY(try_guesses(s, from));
+        }
+    }
+    return PM_OK;
+}
+
+// Tries what may be hidden, and other laws.
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
     const pm_logger_view *v = &s->first;
@@ -271,16 +288,9 @@ static pm_status find_hidden(hidden_search *s) {
     s->most = s->most < n ? s->most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    for (int alike = 1; alike >= 0; --alike) {
-        for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
-            const int from = s->count;
-            for (int i = 0; i < s->first.column[c].nother; ++i) {
-                add_guess(s, c, s->first.column[c].other[i], alike == 1);
-            }
-            PM_TRY(try_guesses(s, from));
-        }
-    }
-    return find_laws(s);
+    PM_TRY(find_columns(s, false));
+    PM_TRY(find_laws(s));
+    return find_columns(s, true);
 }
 
 // Writes what was tried, as lines of a comment.

@@ -131,6 +131,41 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
     w->length = 0;
 }
 
+// Returns the unit in which a co-energy of the unit of column y moves it: that of a force for a
+// velocity. Without one among the symbols it is 1.
+static const char *mover_unit(const pm_unit *of) {
+    const pm_unit watt = pm_unit_parse("W"), unit = pm_unit_quotient(&watt, of);
+    const char *symbol = pm_unit_symbol(&unit);
+    return of->known && symbol != NULL && !pm_unit_equal(&unit, of) ? symbol : "1";
+}
+
+// Adds a hidden force that moves velocity y: what all columns leave unexplained of its rate is the
+// first estimate.
+static void add_force(pm_logger_samples *w, int y) {
+    pm_logger_view *view = w->view;
+    bool used[PM_LOGGER_COLUMNS];
+    double coefficient[1 + PM_LOGGER_COLUMNS];
+    for (int j = 0; j < view->ncolumn; ++j) {
+        used[j] = true;
+    }
+    (void)pm_logger_regress(w, y, used, coefficient);
+    const int x =
+        add_hidden(w, y, "behind", mover_unit(&view->column[y].dimension), PM_LOGGER_FLOW);
+    for (int k = 0; k < w->nrow; ++k) {
+        double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+        row[x] -= coefficient[0];
+        for (int j = 0; j < view->ncolumn; ++j) {
+            const pm_logger_column *other = &view->column[j];
+            const int from = j < x ? j : j - 1; // inputs stood one column before
+            row[x] -= j == x || !(other->deviation > 0)
+                          ? 0
+                          : coefficient[1 + from] * (row[j] - other->mean) / other->deviation;
+        }
+    }
+    (void)pm_logger_measure(w, x);
+    w->length = 0;
+}
+
 // Adds the hidden variable of a guess. A linear regression gives y'' + c1 y' + c0 y = ... The two
 // variables relax at the roots p of p^2 - c1 p + c0 = 0, or at their mean if these are complex.
 static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
@@ -410,6 +445,10 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             used[j] = true;
         }
         if (column->mate >= 0) {
+            if (guess == PM_LOGGER_MOVED && view->ncolumn < PM_LOGGER_COLUMNS) {
+                column->guess = guess;
+                add_force(w, c);
+            }
             continue;
         }
         const bool length = has_unit(column, "m");
@@ -463,6 +502,9 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             column->nother = sizeof cells / sizeof *cells;
         }
         const bool alone = column->mate < 0 || view->column[column->mate].source == NULL;
+        if (!alone && column->kind == PM_LOGGER_FLOW && column->guess == PM_LOGGER_AS_FOUND) {
+            column->other[column->nother++] = PM_LOGGER_MOVED;
+        }
         for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_CELL && column->source != NULL && alone;
              ++g) {
             if (may[g] && g != (int)column->guess) {
