@@ -18,6 +18,8 @@
 #define SAMPLES 41 // more windows than one batch, in two tracks
 #define TRACKS 2
 #define LENGTH 3 // of a window
+#define SHORT 1  // so many windows that they are integrated side by side
+#define LONG 22  // so few that each is linearised along its path, in more than one batch
 #define DIRECTIONS 10
 #define DAMPING 1e-3
 #define STEP 1e-5
@@ -87,7 +89,7 @@ static void measure(bench *b) {
         .count = TRACKS, .ny = ny, .track = b->track, .stretched = true, .deviation = b->spread};
 }
 
-static void bench_open(bench *b, uint64_t seed, const char *integrator) {
+static void bench_open(bench *b, uint64_t seed, const char *integrator, int length) {
     memset(b, 0, sizeof *b);
     random_system_of_text(&b->w, seed, random_system_scene, random_system_part, random_system_port);
     b->w.scene->physics.dt = 0.01;
@@ -107,7 +109,7 @@ static void bench_open(bench *b, uint64_t seed, const char *integrator) {
             s->terms.noise[c] = 0.3 + 0.1 * c;
         }
     }
-    assert_int_equal(pm_shooting_divide(s, LENGTH), PM_OK);
+    assert_int_equal(pm_shooting_divide(s, length), PM_OK);
     b->size = (size_t)s->nweight + (size_t)s->nwindow * NZ;
     b->point = calloc(3 * b->size, sizeof *b->point);
     assert_non_null(b->point);
@@ -151,9 +153,9 @@ static double gradient_at(bench *b, const double *point) {
     return value;
 }
 
-static void check_gradient(const char *integrator) {
+static void check_gradient(const char *integrator, int length) {
     bench b;
-    bench_open(&b, 5, integrator);
+    bench_open(&b, 5, integrator, length);
     const double value = gradient_at(&b, b.point);
     random_system_check(&b.w, "objective with and without derivatives", value_at(&b, b.point),
                         value, 1e-9 * value);
@@ -181,12 +183,14 @@ static void check_gradient(const char *integrator) {
 
 static void gradient_of_rk4(void **state) {
     (void)state;
-    check_gradient("rk4");
+    check_gradient("rk4", SHORT);
+    check_gradient("rk4", LENGTH);
+    check_gradient("rk4", LONG);
 }
 
 static void gradient_of_discrete_gradient(void **state) {
     (void)state;
-    check_gradient("discrete_gradient");
+    check_gradient("discrete_gradient", LENGTH);
 }
 
 // Adds the product of the damped normal matrix and a step to `product` [size]. Every block is
@@ -233,7 +237,7 @@ static void multiply(const bench *b, double damping, const double *step, double 
 static void elimination_solves_the_equations(void **state) {
     (void)state;
     bench b;
-    bench_open(&b, 6, "rk4");
+    bench_open(&b, 6, "rk4", LENGTH);
     pm_shooting *s = &b.shooting;
     gradient_at(&b, b.point);
     assert_true(pm_shooting_solve(s, DAMPING, b.moved, b.moved + s->nweight));

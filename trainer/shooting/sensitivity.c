@@ -230,16 +230,41 @@ static void chain(const pm_sensitivity *f, int size, const pm_sensitivity_item *
     }
 }
 
+void pm_sensitivity_linearise_step(pm_sensitivity *sensitivity, int count,
+                                   pm_sensitivity_item *const *item) {
+    run(sensitivity, &sensitivity->step, count, item);
+}
+
+void pm_sensitivity_linearise_columns(pm_sensitivity *sensitivity, int count,
+                                      pm_sensitivity_item *const *item, double *y) {
+    const jacobian *j = &sensitivity->columns;
+    run(sensitivity, &sensitivity->columns, count, item);
+    memcpy(y, pm_program_value(j->program, j->value),
+           (size_t)count * (size_t)sensitivity->ny * sizeof *y);
+}
+
+void pm_sensitivity_chain_step(const pm_sensitivity *sensitivity, int id,
+                               pm_sensitivity_item *item) {
+    copy_jacobian(sensitivity, &sensitivity->step, id);
+    chain(sensitivity, sensitivity->nz, item, item->by_start, item->by_weights);
+}
+
+void pm_sensitivity_chain_columns(const pm_sensitivity *sensitivity, int id,
+                                  const pm_sensitivity_item *item, double *by_start,
+                                  double *by_weights) {
+    copy_jacobian(sensitivity, &sensitivity->columns, id);
+    chain(sensitivity, sensitivity->ny, item, by_start, by_weights);
+}
+
 void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item) {
-    jacobian *j = &sensitivity->step;
-    run(sensitivity, j, count, item);
+    const jacobian *j = &sensitivity->step;
+    pm_sensitivity_linearise_step(sensitivity, count, item);
     const double *next = pm_program_value(j->program, j->value);
     for (int i = 0; i < count; ++i) {
         memcpy(item[i]->z, next + (ptrdiff_t)i * sensitivity->nz,
                (size_t)sensitivity->nz * sizeof *next);
         if (sensitivity->derivatives) {
-            copy_jacobian(sensitivity, j, i);
-            chain(sensitivity, sensitivity->nz, item[i], item[i]->by_start, item[i]->by_weights);
+            pm_sensitivity_chain_step(sensitivity, i, item[i]);
         }
     }
 }
@@ -247,14 +272,11 @@ void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_
 void pm_sensitivity_measure(pm_sensitivity *sensitivity, int count,
                             pm_sensitivity_item *const *item, double *y, double *by_start,
                             double *by_weights) {
-    jacobian *j = &sensitivity->columns;
     const ptrdiff_t ny = sensitivity->ny;
-    run(sensitivity, j, count, item);
-    memcpy(y, pm_program_value(j->program, j->value), (size_t)(count * ny) * sizeof *y);
+    pm_sensitivity_linearise_columns(sensitivity, count, item, y);
     for (int i = 0; i < count && sensitivity->derivatives; ++i) {
-        copy_jacobian(sensitivity, j, i);
-        chain(sensitivity, sensitivity->ny, item[i], by_start + i * ny * sensitivity->nz,
-              by_weights + i * ny * sensitivity->nweight);
+        pm_sensitivity_chain_columns(sensitivity, i, item[i], by_start + i * ny * sensitivity->nz,
+                                     by_weights + i * ny * sensitivity->nweight);
     }
 }
 

@@ -54,6 +54,21 @@ void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item
 // is one of the scene stretched to item->duration. Also advances the derivatives if
 // there are any.
 void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item);
+// Linearises one step, or the measured columns, at the states of the items [count], which may be
+// those of one trajectory at successive times: their derivatives are not used. Writes the columns
+// to y [count][ny].
+void pm_sensitivity_linearise_step(pm_sensitivity *sensitivity, int count,
+                                   pm_sensitivity_item *const *item);
+void pm_sensitivity_linearise_columns(pm_sensitivity *sensitivity, int count,
+                                      pm_sensitivity_item *const *item, double *y);
+// Advances the derivatives of `item` by step `id` of the last linearisation.
+void pm_sensitivity_chain_step(const pm_sensitivity *sensitivity, int id,
+                               pm_sensitivity_item *item);
+// Writes the derivatives of the columns `id` of the last linearisation with respect to the start of
+// `item`, by_start [ny][nz], and to the weights, by_weights [ny][nweight].
+void pm_sensitivity_chain_columns(const pm_sensitivity *sensitivity, int id,
+                                  const pm_sensitivity_item *item, double *by_start,
+                                  double *by_weights);
 // Takes item i of items [count] from sample[i] of the track track[i] to the next sample; a sample
 // of -1 stays where it is.
 void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *item,

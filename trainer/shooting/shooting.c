@@ -19,6 +19,9 @@
 #define LEAST_MATRIX 1e-14
 static const pm_damping damping_of_starts = {
     .first = 1e-2, .smallest = 1e-10, .largest = 1e10, .relax = 0.2, .stiffen = 5};
+// Fewer windows than these are linearised along their paths, since the programs work on many states
+// at a time.
+#define FEW (PM_SENSITIVITY_BATCH / 2)
 // The factor of the damping after a step to where derivatives are not finite.
 #define SHORTER 1e4
 
@@ -83,6 +86,7 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     s->theta = pm_arena_array(arena, border, sizeof *s->theta);
     s->residual = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->residual);
     s->state = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->state);
+    s->path = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->path);
     s->lane = pm_arena_array(arena, lanes, sizeof *s->lane);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(arena, "multiple shooting"));
@@ -90,6 +94,8 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
         const size_t samples = (size_t)tracks->track[i].count;
         s->residual[i] = pm_arena_array(arena, samples * ny, sizeof **s->residual);
         s->state[i] = pm_arena_array(arena, samples * nz, sizeof **s->state);
+        s->path[i] = pm_arena_array(
+            arena, (size_t)tracks->track[i].first_step[samples - 1] * nz + 1, sizeof **s->path);
     }
     for (size_t i = 0; i < lanes; ++i) {
         pm_shooting_lane *l = &s->lane[i];
@@ -219,48 +225,63 @@ static void add_to_window(const pm_shooting *s, int window, const double *by_sta
     }
 }
 
+// Compares the columns y in state z with a sample of a window. With derivatives, `row` of l->rows
+// is the next one; returns the one after those that the sample has filled.
+static int add_sample(pm_shooting_lane *l, int window, int sample, const double *z, const double *y,
+                      double *by_start, const double *by_weights, int row) {
+    const pm_shooting *s = l->shooting;
+    const ptrdiff_t ny = s->ny, nz = s->nz, nweight = s->nweight, border = s->nborder;
+    const pm_window *w = &s->window[window];
+    const double *data = s->tracks->track[w->track].y + sample * ny;
+    double *residual = s->residual[w->track] + sample * ny;
+    memcpy(s->state[w->track] + sample * nz, z, (size_t)nz * sizeof *z);
+    for (ptrdiff_t c = 0; c < ny; ++c) {
+        residual[c] = y[c] - data[c];
+        if (isnan(data[c])) {
+            continue;
+        }
+        double root = 1;
+        const double r = residual[c] / s->terms.noise[c];
+        l->objective += huber(r, s->terms.huber, &root);
+        if (!l->derivatives) {
+            continue;
+        }
+        double *own = l->rows + row++ * border;
+        const double factor = root / s->terms.noise[c];
+        for (ptrdiff_t j = 0; j < nweight; ++j) {
+            own[j] = s->terms.hold ? 0 : factor * by_weights[c * nweight + j];
+        }
+        own[nweight] = root * r;
+        for (ptrdiff_t j = 0; j < nweight && s->blocks.window_gradient != NULL; ++j) {
+            s->blocks.window_gradient[window * nweight + j] += own[j] * own[nweight];
+        }
+        for (ptrdiff_t j = 0; j < nz; ++j) {
+            by_start[c * nz + j] *= factor;
+        }
+        add_to_window(s, window, by_start + c * nz, own);
+    }
+    return row;
+}
+
+// Adds the first rows of l->rows to the matrix of the weights.
+static void add_rows(pm_shooting_lane *l, int count) {
+    if (count > 0 && !l->shooting->terms.hold) {
+        pm_gram_add(count, l->shooting->nborder, l->rows, l->matrix);
+    }
+}
+
 // Compares what is measured in some windows with sample `k` of each window.
 static void add_samples(pm_shooting_lane *l, int count, const int *window,
                         pm_sensitivity_item **item, int k) {
     const pm_shooting *s = l->shooting;
-    const ptrdiff_t ny = s->ny, nz = s->nz, nweight = s->nweight, border = s->nborder;
+    const ptrdiff_t ny = s->ny;
     pm_sensitivity_measure(l->sensitivity, count, item, l->y, l->by_start, l->by_weights);
     int nrow = 0;
     for (int i = 0; i < count; ++i) {
-        const pm_window *w = &s->window[window[i]];
-        const ptrdiff_t sample = w->first + k;
-        const double *data = s->tracks->track[w->track].y + sample * ny;
-        double *residual = s->residual[w->track] + sample * ny;
-        memcpy(s->state[w->track] + sample * nz, item[i]->z, (size_t)nz * sizeof(double));
-        for (ptrdiff_t c = 0; c < ny; ++c) {
-            residual[c] = l->y[i * ny + c] - data[c];
-            if (isnan(data[c])) {
-                continue;
-            }
-            double root = 1;
-            const double r = residual[c] / s->terms.noise[c];
-            l->objective += huber(r, s->terms.huber, &root);
-            if (!l->derivatives) {
-                continue;
-            }
-            double *row = l->rows + nrow++ * border, *by_start = l->by_start + (i * ny + c) * nz;
-            const double factor = root / s->terms.noise[c];
-            for (ptrdiff_t j = 0; j < nweight; ++j) {
-                row[j] = s->terms.hold ? 0 : factor * l->by_weights[(i * ny + c) * nweight + j];
-            }
-            row[nweight] = root * r;
-            for (ptrdiff_t j = 0; j < nweight && s->blocks.window_gradient != NULL; ++j) {
-                s->blocks.window_gradient[window[i] * nweight + j] += row[j] * row[nweight];
-            }
-            for (ptrdiff_t j = 0; j < nz; ++j) {
-                by_start[j] *= factor;
-            }
-            add_to_window(s, window[i], by_start, row);
-        }
+        nrow = add_sample(l, window[i], s->window[window[i]].first + k, item[i]->z, l->y + i * ny,
+                          l->by_start + i * ny * s->nz, l->by_weights + i * ny * s->nweight, nrow);
     }
-    if (nrow > 0 && !s->terms.hold) {
-        pm_gram_add(nrow, s->nborder, l->rows, l->matrix);
-    }
+    add_rows(l, nrow);
 }
 
 // Compares the end of a window with the start of the next.
@@ -300,29 +321,39 @@ static int sample_count(const pm_window *w) {
     return w->last - w->first;
 }
 
-static void run_batch(pm_shooting_lane *l, int first, int count) {
+// Returns the boundary inputs at a sample of a track.
+static const double *now_at(const pm_shooting *s, const pm_track *t, int sample) {
+    return t->now == NULL ? NULL
+                          : t->now + (ptrdiff_t)sample * s->how.system->scene->physics.nprescribed;
+}
+
+// Adds the prior of the first start of a track, or of all starts with their own deviations.
+static void add_prior(pm_shooting_lane *l, int window) {
+    const pm_shooting *s = l->shooting;
+    const pm_window *w = &s->window[window];
+    const double *prior = w->follows ? s->terms.later : s->terms.prior;
+    const ptrdiff_t nz = s->nz;
+    for (ptrdiff_t c = 0; c < nz && (s->terms.everywhere || !w->follows); ++c) {
+        if (!(prior[c] > 0)) {
+            continue;
+        }
+        const double r = (l->start[window * nz + c] - s->observation->guess[c]) / prior[c];
+        l->objective += 0.5 * r * r;
+        if (l->derivatives) {
+            s->blocks.own[window * nz * nz + c * (nz + 1)] += 1 / (prior[c] * prior[c]);
+            s->blocks.border[(window * nz + c) * s->nborder + s->nweight] += r / prior[c];
+        }
+    }
+}
+
+// Integrates windows side by side, with their derivatives if there are any.
+static void run_beside(pm_shooting_lane *l, int first, int count) {
     const pm_shooting *s = l->shooting;
     const pm_track *track[PM_SENSITIVITY_BATCH];
     int longest = 0;
     for (int i = 0; i < count; ++i) {
         const pm_window *w = &s->window[first + i];
-        memcpy(l->item[i].z, l->start + (ptrdiff_t)(first + i) * s->nz,
-               (size_t)s->nz * sizeof(double));
         pm_sensitivity_start(l->sensitivity, &l->item[i]);
-        // Adds the prior of the first start of a track, or of all starts with their own deviations.
-        const double *prior = w->follows ? s->terms.later : s->terms.prior;
-        const ptrdiff_t nz = s->nz, window = first + i;
-        for (ptrdiff_t c = 0; c < nz && (s->terms.everywhere || !w->follows); ++c) {
-            if (!(prior[c] > 0)) {
-                continue;
-            }
-            const double r = (l->start[window * nz + c] - s->observation->guess[c]) / prior[c];
-            l->objective += 0.5 * r * r;
-            if (l->derivatives) {
-                s->blocks.own[window * nz * nz + c * (nz + 1)] += 1 / (prior[c] * prior[c]);
-                s->blocks.border[(window * nz + c) * s->nborder + s->nweight] += r / prior[c];
-            }
-        }
         track[i] = &s->tracks->track[w->track];
         longest = sample_count(w) > longest ? sample_count(w) : longest;
     }
@@ -334,15 +365,112 @@ static void run_batch(pm_shooting_lane *l, int first, int count) {
             const int intervals = sample_count(w) - (w->ends ? 1 : 0);
             sample[i] = k < intervals ? w->first + k : -1;
             if (k < sample_count(w)) {
-                const ptrdiff_t ninput = s->how.system->scene->physics.nprescribed;
-                l->item[i].now =
-                    track[i]->now == NULL ? NULL : track[i]->now + (w->first + k) * ninput;
+                l->item[i].now = now_at(s, track[i], w->first + k);
                 looking[n] = &l->item[i];
                 which[n++] = first + i;
             }
         }
         add_samples(l, n, which, looking, k);
         pm_sensitivity_advance(l->sensitivity, count, l->item, track, sample);
+    }
+}
+
+// Returns the step of a track at which the integration of a window ends.
+static int last_step(const pm_shooting *s, const pm_window *w) {
+    return s->tracks->track[w->track].first_step[w->ends ? w->last - 1 : w->last];
+}
+
+// Lets an item take step `k` of a track.
+static void give_step(const pm_shooting *s, const pm_track *t, int k, pm_sensitivity_item *item) {
+    const ptrdiff_t ninput =
+        (ptrdiff_t)s->how.system->scene->physics.nprescribed * PM_BOUNDARY_INPUT_ORDER;
+    item->duration = t->duration[k];
+    item->input = t->input == NULL ? NULL : t->input + k * ninput;
+}
+
+// Integrates windows without derivatives, and writes the states before all steps to s->path.
+static void find_paths(pm_shooting_lane *l, int first, int count) {
+    const pm_shooting *s = l->shooting;
+    for (int step = 0, n = 1; n > 0; ++step) {
+        pm_sensitivity_item *moving[PM_SENSITIVITY_BATCH];
+        n = 0;
+        for (int i = 0; i < count; ++i) {
+            const pm_window *w = &s->window[first + i];
+            const pm_track *t = &s->tracks->track[w->track];
+            const int k = t->first_step[w->first] + step;
+            if (k < last_step(s, w)) {
+                memcpy(s->path[w->track] + (ptrdiff_t)k * s->nz, l->item[i].z,
+                       (size_t)s->nz * sizeof(double));
+                give_step(s, t, k, &l->item[i]);
+                moving[n++] = &l->item[i];
+            }
+        }
+        if (n > 0) {
+            pm_sensitivity_step(l->value, n, moving);
+        }
+    }
+}
+
+// Linearises a window along its path, many steps at a time, and multiplies their Jacobians in turn:
+// the item has the state at the end.
+static void run_along(pm_shooting_lane *l, int window, pm_sensitivity_item *item) {
+    const pm_shooting *s = l->shooting;
+    const pm_window *w = &s->window[window];
+    const pm_track *t = &s->tracks->track[w->track];
+    const int end = last_step(s, w);
+    int sample = w->first;
+    pm_sensitivity_start(l->sensitivity, item);
+    for (int first = t->first_step[sample]; first < end; first += PM_SENSITIVITY_BATCH) {
+        const int after = end - first < PM_SENSITIVITY_BATCH ? end : first + PM_SENSITIVITY_BATCH;
+        pm_sensitivity_item step[PM_SENSITIVITY_BATCH], look[PM_SENSITIVITY_BATCH];
+        pm_sensitivity_item *steps[PM_SENSITIVITY_BATCH], *looks[PM_SENSITIVITY_BATCH];
+        int nlook = 0, nrow = 0;
+        for (int k = first; k < after; ++k) {
+            steps[k - first] = &step[k - first];
+            step[k - first] = (pm_sensitivity_item){.z = s->path[w->track] + (ptrdiff_t)k * s->nz};
+            give_step(s, t, k, &step[k - first]);
+        }
+        for (int i = sample; i < w->last && t->first_step[i] < after; ++i) {
+            looks[nlook] = &look[nlook];
+            look[nlook++] = (pm_sensitivity_item){.z = step[t->first_step[i] - first].z,
+                                                  .now = now_at(s, t, i)};
+        }
+        pm_sensitivity_linearise_step(l->sensitivity, after - first, steps);
+        if (nlook > 0) {
+            pm_sensitivity_linearise_columns(l->sensitivity, nlook, looks, l->y);
+        }
+        for (int k = first, seen = 0; k < after; ++k) {
+            if (seen < nlook && t->first_step[sample] == k) {
+                pm_sensitivity_chain_columns(l->sensitivity, seen, item, l->by_start,
+                                             l->by_weights);
+                nrow = add_sample(l, window, sample++, look[seen].z, l->y + (ptrdiff_t)seen * s->ny,
+                                  l->by_start, l->by_weights, nrow);
+                ++seen;
+            }
+            pm_sensitivity_chain_step(l->sensitivity, k - first, item);
+        }
+        add_rows(l, nrow);
+    }
+    if (w->ends) {
+        item->now = now_at(s, t, w->last - 1);
+        add_samples(l, 1, &window, &item, w->last - 1 - w->first);
+    }
+}
+
+static void run_batch(pm_shooting_lane *l, int first, int count) {
+    const pm_shooting *s = l->shooting;
+    for (int i = 0; i < count; ++i) {
+        memcpy(l->item[i].z, l->start + (ptrdiff_t)(first + i) * s->nz,
+               (size_t)s->nz * sizeof(double));
+        add_prior(l, first + i);
+    }
+    if (l->derivatives && count < FEW) {
+        find_paths(l, first, count);
+        for (int i = 0; i < count; ++i) {
+            run_along(l, first + i, &l->item[i]);
+        }
+    } else {
+        run_beside(l, first, count);
     }
     for (int i = 0; i < count; ++i) {
         add_gap(l, first + i, &l->item[i]);
@@ -382,9 +510,11 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
                                : how.fixed  ? &l->start_alone
                                             : &l->derivative;
         // Compiling the programs can take longer than all their steps: only those that are needed.
-        s->failed = *own == NULL && i * batch_size(s) < s->nwindow
-                        ? pm_sensitivity_open(own, &how, derivatives)
-                        : PM_OK;
+        const bool works = i * batch_size(s) < s->nwindow;
+        s->failed = works && *own == NULL ? pm_sensitivity_open(own, &how, derivatives) : PM_OK;
+        if (s->failed == PM_OK && works && derivatives && l->value == NULL) {
+            s->failed = pm_sensitivity_open(&l->value, &how, false);
+        }
         if (s->failed != PM_OK) {
             return NAN;
         }

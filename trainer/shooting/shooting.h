@@ -79,6 +79,7 @@ typedef struct pm_shooting {
     double *theta;     // [nweight] by the last evaluation
     double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
     double **state;    // [tracks->count] -> [count][nz], the states then
+    double **path;     // [tracks->count] -> [steps][nz], states before steps of a few windows
     double work;       // samples of all evaluations so far, times the derivatives of each
     pm_shooting_blocks blocks;
     struct pm_shooting_lane *lane; // [pm_team_lanes(NULL).own] threads
