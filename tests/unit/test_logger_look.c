@@ -170,6 +170,33 @@ static void nothing_passes_between_two_springs(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a circuit whose resistor heats the housing, which is another part ---
+
+static void heating_rate(const double *z, double *rate) {
+    rate[0] = 20 * z[1];
+    rate[1] = -20 * z[0] - 2 * z[1];
+    rate[2] = 0.5 * z[1] * z[1];
+}
+
+static void a_loss_heats_another_part(void **state) {
+    (void)state;
+    static const char *const column[] = {"i", "u", "T"};
+    static const char *const part[] = {"loop=i,u", "housing=T"};
+    static const char *const port[] = {"loop,housing"};
+    pm_dataset *d = record(&(logged){3, 0, column, "A;V;K", 0.005, heating_rate});
+    pm_logger_view v;
+    for (int apart = 0; apart < 2; ++apart) {
+        const pm_logger_hints hints = {
+            .npart = 2 * apart, .part = part, .nport = apart, .port = port, .hidden = -1};
+        look(&v, d, &hints);
+        assert_true(v.warms[1][2]);
+        assert_int_equal(v.nport, apart);
+        assert_true(pm_logger_joins(&v, 1, 2) == (apart == 1));
+        pm_logger_view_free(&v);
+    }
+    pm_dataset_free(d);
+}
+
 // --- a mass on a spring beside a spring and a damper in series ---
 
 static void relaxing_rate(const double *z, double *rate) {
@@ -206,6 +233,7 @@ int main(void) {
         cmocka_unit_test(a_shaft_moves_a_rack),
         cmocka_unit_test(data_tell_a_weight_from_a_spring),
         cmocka_unit_test(nothing_passes_between_two_springs),
+        cmocka_unit_test(a_loss_heats_another_part),
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

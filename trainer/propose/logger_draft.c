@@ -435,11 +435,11 @@ static void write_part(pm_logger_writer *w, int part) {
     for (int i = 0; i < w->v->nvariable; ++i) {
         for (int j = 0; j < w->v->nvariable; ++j) {
             const bool own = pm_logger_is(w->v, j, part, PM_LOGGER_TEMPERATURE);
-            if (own && w->v->warms[i][j]) {
+            if (own && w->v->warms[i][j] && w->v->column[i].part == part) {
                 fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [",
                       w->model);
                 some = true;
-                pm_logger_write_friction(w, i, j);
+                pm_logger_write_friction(w, i, "", j, "");
             } else if (own && j > i && pm_logger_is(w->v, i, part, PM_LOGGER_TEMPERATURE)) {
                 const char *a = w->v->column[i].name, *b = w->v->column[j].name;
                 char both[PM_LOGGER_TEXT], da[PM_LOGGER_TEXT], db[PM_LOGGER_TEXT];
@@ -490,7 +490,7 @@ static void write_losses(pm_logger_writer *w, int part) {
             pm_logger_write_conduction(w, y->name, x, "b.s", dx, "b.dE.s", y->inertia * v->leak[i],
                                        NULL);
         } else if (pm_logger_loses(v, i)) {
-            pm_logger_write_friction(w, i, -1);
+            pm_logger_write_friction(w, i, "a.", -1, "b.");
         } else if (drains) {
             char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
             fprintf(w->model, "[a.%s, b.s, \"(%s + %s)/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
@@ -550,8 +550,9 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], y[PM_LOGGER_TEXT];
                 char dx[PM_LOGGER_TEXT], dy[PM_LOGGER_TEXT];
                 const bool rubs = pm_logger_is_coupled(v, i, j, true);
+                const bool warms = v->warms[i][j] || v->warms[j][i];
                 if (a->part != parts[0] || b->part != parts[1] || !pm_logger_joins(v, i, j) ||
-                    (a->kind == PM_LOGGER_TEMPERATURE || rubs) != (thermal == 1)) {
+                    (a->kind == PM_LOGGER_TEMPERATURE || rubs || warms) != (thermal == 1)) {
                     continue;
                 }
                 fputs(some           ? ", "
@@ -576,6 +577,10 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 } else if (v->moves[i][j] != 0 || v->moves[j][i] != 0) {
                     const double rate = v->moves[i][j] != 0 ? v->moves[i][j] : -v->moves[j][i];
                     fprintf(w->model, "[%s, %s, %.6g]", x, y, rate);
+                } else if (warms) { // the loss of one heats the other
+                    const bool first = v->warms[i][j];
+                    pm_logger_write_friction(w, first ? i : j, first ? "a." : "b.", first ? j : i,
+                                             first ? "b." : "a.");
                 } else if (rubs) {
                     char apart[2 * PM_LOGGER_TEXT + 4];
                     snprintf(apart, sizeof apart, "%s - %s", x, y);

@@ -687,26 +687,27 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
     }
 }
 
-void pm_logger_write_friction(pm_logger_writer *w, int c, int t) {
+void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to) {
     const pm_logger_column *y = &w->v->column[c];
     const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
     char x[PM_LOGGER_TEXT], name[PM_LOGGER_TEXT];
-    snprintf(x, sizeof x, "%s%.40s", t < 0 ? "a." : "", y->name);
+    snprintf(x, sizeof x, "%s%.40s", of, y->name);
     snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
              t < 0 ? "" : w->v->column[t].name);
-    fprintf(w->model, "[%s, %s%s, \"", x, t < 0 ? "b." : "", t < 0 ? "s" : w->v->column[t].name);
+    fprintf(w->model, "[%s, %s%s, \"", x, to, t < 0 ? "s" : w->v->column[t].name);
     pm_logger_write_resistance(w, name, x, y, NULL, start);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
         fputs("*exp(0", w->model);
-        write_lever(w, name, "a.", y->part, true, y->mate, 1);
+        write_lever(w, name, of, y->part, true, y->mate, 1);
         fputs(")", w->model);
     }
     if (t >= 0) {
-        fprintf(w->model, "*exp(%s*(%s - %.6g)/%.4g)*dE.%s\"]",
-                pm_logger_number(w, "thermal", name, 0, 1), w->v->column[t].name,
-                w->v->column[t].mean, w->v->column[t].deviation, w->v->column[t].name);
+        const pm_logger_column *T = &w->v->column[t];
+        fprintf(w->model, "*exp(%s*(%s%s - %.6g)/%.4g)*%sdE.%s\"]",
+                pm_logger_number(w, "thermal", name, 0, 1), to, T->name, T->mean, T->deviation, to,
+                T->name);
     } else {
-        fputs("*b.dE.s\"]", w->model);
+        fprintf(w->model, "*%sdE.s\"]", to);
     }
 }
 

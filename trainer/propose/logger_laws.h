@@ -144,8 +144,9 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
                                 double start);
 
 // Writes friction and resistance of co-energy c whose heat goes to the surroundings, or to
-// temperature t of the same part if it is not -1.
-void pm_logger_write_friction(pm_logger_writer *w, int c, int t);
+// temperature t if it is not -1. `of` and `to` stand before the names of the groups: "a." and "b."
+// in a port.
+void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to);
 
 // Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
 // smooth where the vessel is empty.

@@ -857,9 +857,9 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
     const pm_logger_column *a = &view->column[i], *b = &view->column[j];
     return a->part != b->part &&
            ((a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE) ||
-            view->falls[i][j] || view->falls[j][i] || view->moves[i][j] != 0 ||
-            view->moves[j][i] != 0 || pm_logger_is_coupled(view, i, j, false) ||
-            pm_logger_is_coupled(view, i, j, true));
+            view->falls[i][j] || view->falls[j][i] || view->warms[i][j] || view->warms[j][i] ||
+            view->moves[i][j] != 0 || view->moves[j][i] != 0 ||
+            pm_logger_is_coupled(view, i, j, false) || pm_logger_is_coupled(view, i, j, true));
 }
 
 // Finds the ports: those of the hints, or between parts of which one moves the other.
@@ -924,7 +924,11 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
             }
         }
     }
-    // A port through which nothing passes is none.
+    return PM_OK;
+}
+
+// Leaves out ports through which nothing passes.
+static void leave_idle_ports(pm_logger_view *view) {
     int kept = 0;
     for (int k = 0; k < view->nport; ++k) {
         bool acts = false;
@@ -939,7 +943,6 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
                sizeof view->port[k]);
     }
     view->nport = kept;
-    return PM_OK;
 }
 
 // --- the whole ---
@@ -1081,6 +1084,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     find_actions(view);
     find_scales(&w);
     PM_TRY_DONE(pm_logger_find_terms(&w));
+    leave_idle_ports(view);
     find_surroundings(view);
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
