@@ -43,20 +43,6 @@ static pm_status initialise(pm_fit *f) {
     return status;
 }
 
-// Chooses the initial weights. If that is interrupted, a checkpoint says so, and the choice begins
-// again when the fit is resumed.
-static pm_status choose_start(pm_fit *f) {
-    f->position.done = 0;
-    const pm_status status = f->kind->start(f);
-    if (status == PM_EINTERRUPTED && f->arguments->effort == NULL) {
-        f->position.done = NO_START;
-        PM_TRY(pm_fit_save(f, false));
-        return pm_fail(PM_EINTERRUPTED,
-                       "interrupted while choosing the initial weights; continue with --resume");
-    }
-    return status;
-}
-
 // --- the whole ---
 
 static int least(int a, int b) {
@@ -148,7 +134,20 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     PM_TRY(initialise(f));
     f->position.done = NO_START;
     PM_TRY(arguments->resume ? pm_fit_load(f) : PM_OK);
-    PM_TRY(f->position.done == NO_START ? choose_start(f) : PM_OK);
+    // Chooses the initial weights. If that is interrupted, a checkpoint says so, and the choice
+    // begins again when the fit is resumed.
+    if (f->position.done == NO_START) {
+        f->position.done = 0;
+        const pm_status begun = f->kind->start(f);
+        if (begun == PM_EINTERRUPTED && f->arguments->effort == NULL) {
+            f->position.done = NO_START;
+            PM_TRY(pm_fit_save(f, false));
+            return pm_fail(
+                PM_EINTERRUPTED,
+                "interrupted while choosing the initial weights; continue with --resume");
+        }
+        PM_TRY(begun);
+    }
     const char *path = pm_team_leads(f->arguments->team)
                            ? pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output)
                            : "/dev/null";

@@ -129,18 +129,6 @@ static pm_status run_search(search *s, const double *declared, double *theta, do
     return PM_OK;
 }
 
-// Returns whether the system has weights that wait for the choice of the initial ones.
-static bool is_late(const pm_system *system) {
-    bool late = false;
-    for (int i = 0; i < pm_system_components(system); ++i) {
-        const pm_params *params = pm_system_params(system, i);
-        for (int k = 0; k < params->count; ++k) {
-            late = late || (params->entry[k].trained && params->entry[k].late == PM_LATE);
-        }
-    }
-    return late;
-}
-
 pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint64_t seed,
                           const double *declared, double *theta, double *loss,
                           const volatile sig_atomic_t *stop) {
@@ -171,7 +159,14 @@ pm_status pm_start_search(pm_training *training, const pm_samples *samples, uint
     if (status == PM_OK && seed == training->seed) {
         status = pm_normalization_of_strengths(training->system, samples);
     }
-    if (status == PM_OK && is_late(training->system)) {
+    bool late = false; // some weights wait for the choice of the initial ones
+    for (int i = 0; i < pm_system_components(training->system); ++i) {
+        const pm_params *params = pm_system_params(training->system, i);
+        for (int k = 0; k < params->count; ++k) {
+            late = late || (params->entry[k].trained && params->entry[k].late == PM_LATE);
+        }
+    }
+    if (status == PM_OK && late) {
         // Strengths are fitted first. Layers of energies would otherwise bend where a strength
         // varies, and never straighten again.
         s.early = PM_LATE_LAYERS;

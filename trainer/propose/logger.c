@@ -18,9 +18,10 @@
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
-#define TRIES 4    // draws of the first weights of a trial
-#define SECONDS 30 // of CPU time of a trial, at most
-#define ENDED 15   // likewise, after which it ends where it is
+#define TRIES 4 // draws of the first weights of a trial
+#define ENDED \
+    15 // s of CPU time after the first trial, where one ends; some more is for its judgement
+#define LEAST 1 // likewise, which every trial has
 // More that is hidden must lower the error by this factor. Columns that are predicted as well as
 // their noise allows, or to this part of their deviation, need nothing more.
 #define BETTER 0.85
@@ -174,21 +175,25 @@ static bool explains(const hidden_search *s) {
 // Tries the guesses from number `from` on, and keeps the best one.
 static pm_status try_guesses(hidden_search *s, int from) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
-    // Half of what is left of the budget is for what is tried next.
-    const double left = fmax((s->hints->budget - s->used) / 2, 1);
+    // Half of what is left of the budget is for what is tried next; several guesses share all of
+    // it.
+    const double rest = s->hints->budget - s->used, count = s->count - from;
+    const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
+    // What the first trial finds is not lost: the fit begins there.
+    const double longest = from == 0 ? left : fmin(ENDED, left);
     const pm_fit_effort effort = {.tries = TRIES,
                                   .try_iterations = 4,
                                   .samples = FEWEST_SAMPLES,
                                   .iterations = STEPS,
                                   .stages = 1,
-                                  .seconds = fmin(ENDED, left)};
+                                  .seconds = longest};
     const int *vector[MOST_TRIALS] = {NULL};
     int number[MOST_TRIALS] = {0};
     for (int i = from; i < s->count; ++i) {
         number[i] = i;
         vector[i - from] = &number[i];
     }
-    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(SECONDS, 2 * left),
+    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(longest + ENDED, 2 * left),
                          s->hints->stop, s->trial + from, &s->used));
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
@@ -361,11 +366,14 @@ static pm_status write_alternative(void *context, const int *chosen, const char 
 }
 
 // Writes the training file of the laws that short fits prefer. Fits of measurements have chosen
-// already (find_laws): their laws have all parts, and the fit says which remain.
-static pm_status choose_laws(const pm_logger_draft *draft, const pm_logger_hints *hints,
-                             const int *chosen, const char *before, const char *path) {
+// already (find_laws): their laws have all parts, and the fit says which remain. It begins where
+// the short one ended.
+static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hints,
+                             const int *chosen, const char *found, const char *before,
+                             const char *path) {
     const pm_logger_view *v = &draft->view;
     if (v->noisy || !v->even || !v->complete || v->hides) {
+        draft->found = found;
         return pm_logger_write_training(draft, chosen, before, path);
     }
     const pm_search_how how = {.budget = hints->budget,
@@ -437,7 +445,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
-    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
+    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best],
+                            search->trial[search->best].found, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {

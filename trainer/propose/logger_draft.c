@@ -713,7 +713,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
 pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chosen,
                                    const char *comment, const char *path) {
     const pm_logger_view *v = &draft->view;
-    pm_logger_writer w = {.v = v, .chosen = chosen};
+    pm_logger_writer w = {.v = v, .chosen = chosen, .found = draft->found};
     PM_TRY(pm_files_create(&w.f, path, PM_PROPOSED));
     fprintf(w.f, PM_PROPOSED " from the columns of a logger.\n%s", comment);
     for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {

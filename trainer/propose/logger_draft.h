@@ -22,7 +22,8 @@ typedef struct pm_logger_draft {
     pm_logger_view view;
     const char *scene_path, *data_path;
     int seed;
-    int most; // for a trial: the first trajectories, as measurements; 0: all
+    int most;          // for a trial: the first trajectories, as measurements; 0: all
+    const char *found; // where constants begin (pm_search_trial); NULL: where regressions put them
 } pm_logger_draft;
 
 // Returns the number of alternatives that the columns leave for a choice, 1 if there is nothing to

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define FURTHEST 1e3 // factor by which a positive constant moves from where regressions put it
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
@@ -41,7 +42,31 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
     if (begun) {
         fprintf(w->f, "  %s:\n", name);
         if (w->size > 0) {
-            fprintf(w->f, "    constants:\n%s", w->constants);
+            fputs("    constants:\n", w->f);
+        }
+        // Constants begin where a fit has left them if one was tried. What it has moved very far
+        // began in no better place: a positive constant at zero would stay there.
+        for (const char *line = w->constants, *end; *line != '\0'; line = end) {
+            char key[2 * PM_LOGGER_TEXT], constant[PM_LOGGER_TEXT];
+            double value = NAN;
+            int at = 0, after = 0;
+            end = strchr(line, '\n') + 1;
+            const bool learned =
+                sscanf(line, " %119[^:]: {learned: %n%lf%n", constant, &at, &value, &after) == 2;
+            snprintf(key, sizeof key, "%s.%s=", name, learned ? constant : "");
+            const char *found = learned && w->found != NULL ? strstr(w->found, key) : NULL;
+            while (found != NULL && found != w->found && found[-1] != '\n') {
+                found = strstr(found + 1, key);
+            }
+            if (found == NULL) {
+                fwrite(line, 1, (size_t)(end - line), w->f);
+                continue;
+            }
+            const double own = strtod(found + strlen(key), NULL);
+            const bool positive = strncmp(line + after, ", positive", strlen(", positive")) == 0;
+            fprintf(w->f, "%.*s%.6g%.*s", at, line,
+                    positive ? fmin(fmax(own, value / FURTHEST), value * FURTHEST) : own,
+                    (int)(end - line) - after, line + after);
         }
         fputs(w->body, w->f);
     }
@@ -276,14 +301,6 @@ void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
         snprintf(text + n, size - (size_t)n, "*exp(%swarms_%s*(%.6g - %s%s))", of, name,
                  v->column[T].mean, at, v->column[T].name);
     }
-}
-
-void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell, const char *of,
-                            const char *current) {
-    char x[PM_LOGGER_LONG_TEXT];
-    snprintf(x, sizeof x, "%.40s/%.100sexchange_%.40s", current, of, cell->name);
-    snprintf(text, size, "(%s + %sactivation_%s*ln(%s + sqrt((%s)^2 + 1)))", current, of,
-             cell->name, x, x);
 }
 
 // Adds the constants of the resistance of a cell, which its voltage and its heat have in common.

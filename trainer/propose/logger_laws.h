@@ -26,6 +26,7 @@ typedef struct pm_logger_writer {
     FILE *f;
     const pm_logger_view *v;
     const int *chosen;
+    const char *found; // values of constants (pm_search_trial); or NULL
     char *constants;
     size_t size;
     FILE *list; // writes to `constants`
@@ -126,8 +127,13 @@ void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
 
 // Writes to `text` by what the resistance of a cell is multiplied: the current, and a part for the
 // exchange of charge (Butler and Volmer), the inverse of a hyperbolic sine.
-void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell, const char *of,
-                            const char *current);
+static inline void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell,
+                                          const char *of, const char *current) {
+    char x[PM_LOGGER_LONG_TEXT];
+    snprintf(x, sizeof x, "%.40s/%.100sexchange_%.40s", current, of, cell->name);
+    snprintf(text, size, "(%s + %sactivation_%s*ln(%s + sqrt((%s)^2 + 1)))", current, of,
+             cell->name, x, x);
+}
 
 // Writes to `text` the heat of an input that warms a temperature, divided by the input. What flows
 // one way only warms in proportion. Else the heat has a part that changes its sign with the input,

@@ -267,17 +267,6 @@ static void find_harmonics(const pm_logger_samples *w, int i, equations *work) {
     }
 }
 
-// Returns true if two parts are one, or have a port.
-static bool meets(const pm_logger_view *v, int one, int other) {
-    bool found = one == other;
-    for (int k = 0; k < v->nport; ++k) {
-        const int *ends = v->port[k];
-        found =
-            found || (ends[0] == one && ends[1] == other) || (ends[0] == other && ends[1] == one);
-    }
-    return found;
-}
-
 // Returns true if the product of input u and variable j moves variable i, beside valves, and
 // whether it raises it.
 static bool converts(const pm_logger_samples *w, int u, int i, int j, equations *work,
@@ -459,7 +448,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
         for (int t = 0; t < v->nvariable; ++t) {
             if (v->column[t].kind == PM_LOGGER_TEMPERATURE &&
-                meets(v, y->part, v->column[t].part)) {
+                pm_logger_meets(v, y->part, v->column[t].part)) {
                 term_list heat = {0};
                 double x[MOST] = {0};
                 add_term(&heat, i, SIZE, i, SIZE);

@@ -131,14 +131,6 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
     w->length = 0;
 }
 
-// Returns the unit in which a co-energy of the unit of column y moves it: that of a force for a
-// velocity. Without one among the symbols it is 1.
-static const char *mover_unit(const pm_unit *of) {
-    const pm_unit watt = pm_unit_parse("W"), unit = pm_unit_quotient(&watt, of);
-    const char *symbol = pm_unit_symbol(&unit);
-    return of->known && symbol != NULL && !pm_unit_equal(&unit, of) ? symbol : "1";
-}
-
 // Adds a hidden force that moves velocity y: what all columns leave unexplained of its rate is the
 // first estimate.
 static void add_force(pm_logger_samples *w, int y) {
@@ -149,8 +141,10 @@ static void add_force(pm_logger_samples *w, int y) {
         used[j] = true;
     }
     (void)pm_logger_regress(w, y, used, coefficient);
-    const int x =
-        add_hidden(w, y, "behind", mover_unit(&view->column[y].dimension), PM_LOGGER_FLOW);
+    const pm_unit watt = pm_unit_parse("W");
+    const pm_unit unit = pm_unit_quotient(&watt, &view->column[y].dimension);
+    const char *symbol = view->column[y].dimension.known ? pm_unit_symbol(&unit) : NULL;
+    const int x = add_hidden(w, y, "behind", symbol != NULL ? symbol : "1", PM_LOGGER_FLOW);
     for (int k = 0; k < w->nrow; ++k) {
         double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
         row[x] -= coefficient[0];

@@ -164,6 +164,17 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
 // Returns true if two columns of two parts act on each other by the port of the parts.
 bool pm_logger_joins(const pm_logger_view *view, int i, int j);
 
+// Returns true if two parts are one, or have a port.
+static inline bool pm_logger_meets(const pm_logger_view *view, int one, int other) {
+    bool found = one == other;
+    for (int k = 0; k < view->nport; ++k) {
+        const int *ends = view->port[k];
+        found =
+            found || (ends[0] == one && ends[1] == other) || (ends[0] == other && ends[1] == one);
+    }
+    return found;
+}
+
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
     return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;

@@ -91,6 +91,43 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
     return remove(path);
 }
 
+// Lists the learned constants of a system in `found` [PM_SEARCH_FOUND].
+static void list_constants(const pm_system *system, char *found) {
+    static const char prefix[] = "constant.";
+    const int nsubsystem = system->scene->physics.nsubsystem;
+    size_t length = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        const pm_constants *constants = i < nsubsystem
+                                            ? system->part[i]->spec.constants
+                                            : system->port[i - nsubsystem]->spec.constants;
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const char *name = entry->name + strlen(prefix);
+            const bool constant = strncmp(entry->name, prefix, strlen(prefix)) == 0;
+            if (!entry->trained) {
+                continue;
+            }
+            bool positive = false;
+            for (int j = 0; constants != NULL && constants->learned != NULL && j < constants->count;
+                 ++j) {
+                positive = positive || (constants->learned[j] == PM_CONSTANT_POSITIVE &&
+                                        strcmp(constants->name[j], name) == 0);
+            }
+            const double value = !constant  ? NAN
+                                 : positive ? exp(entry->value[0])
+                                            : entry->value[0];
+            const int n = snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g\n",
+                                   pm_trained_name(system, i), name, value);
+            if (!isfinite(value) || n < 0 || length + (size_t)n >= PM_SEARCH_FOUND) {
+                *found = '\0';
+                return;
+            }
+            length += (size_t)n;
+        }
+    }
+}
+
 // What the child process does. It never returns.
 static void work(const pm_hypotheses *space, const int *vector, const pm_fit_effort *effort,
                  double seconds, const volatile sig_atomic_t *stop, const runner *r, int pipe) {
@@ -116,6 +153,9 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         status = status == PM_OK ? pm_fit_run(&f) : status;
         status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
         result.failed = status != PM_OK;
+        if (!result.failed) {
+            list_constants(f.training->system, result.found);
+        }
         // The name of the folder is another one each time.
         const size_t length = strlen(r->folder);
         const bool named = strncmp(pm_error(), r->folder, length) == 0;

@@ -79,11 +79,16 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
     return space->count++;
 }
 
+#define PM_SEARCH_FOUND 32768
+
 // The result of a trial.
 typedef struct pm_search_trial {
     pm_fit_score score; // infinite where the fit has failed
     bool failed;
     char reason[128]; // why it has failed
+    // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""
+    // if something else was learned, too.
+    char found[PM_SEARCH_FOUND];
 } pm_search_trial;
 
 // Fits the training files of `count` vectors, vector[i] [space->count], and writes their results to

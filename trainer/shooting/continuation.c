@@ -43,6 +43,7 @@
 #define MOST_FINER 5
 #define MOST_CALMER 8
 #define MOST_DRAWS 64
+#define ASTRAY 1e4 // residual in deviations of its column
 
 // --- noise ---
 
@@ -334,6 +335,27 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     return PM_OK;
 }
 
+// Returns whether all windows can be integrated. One that has gone astray cannot be meant, although
+// it is finite: steps are too long for a law, or a constant that fits other windows does not fit
+// it.
+static bool integrates(pm_shooting *s) {
+    bool near = isfinite(pm_shooting_evaluate(s, s->z, false));
+    for (int c = 0; c < s->ny && near; ++c) {
+        const double most = ASTRAY * s->tracks->deviation[c];
+        const int component = s->observation->component[c];
+        for (int i = 0; i < s->tracks->count; ++i) {
+            for (int k = 0; k < s->tracks->track[i].count; ++k) {
+                near = near && !(fabs(s->residual[i][(ptrdiff_t)k * s->ny + c]) > most);
+            }
+        }
+        for (int w = 0; w + 1 < s->nwindow && component >= 0; ++w) {
+            const ptrdiff_t at = (ptrdiff_t)w * s->nz + component;
+            near = near && (s->window[w].ends || !(fabs(s->end[at] - s->z[at + s->nz]) > most));
+        }
+    }
+    return near;
+}
+
 // Draws the hidden components of the starts of all windows that cannot be integrated, about their
 // guess. Returns whether all windows can be integrated then.
 static bool draw_starts(pm_shooting *s) {
@@ -363,7 +385,7 @@ static bool refine(pm_shooting *s, pm_continuation_point *p, int substeps, int m
     for (int i = 0; i < most && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {
         ++p->finer;
         begin_stage(s, p->stage, substeps << p->finer);
-        finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+        finite = integrates(s);
         if (finite) {
             printf("The steps are too long for the model: %d substeps are taken.\n",
                    substeps << p->finer);
@@ -383,14 +405,14 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
     double *theta = malloc((size_t)s->nborder * sizeof *theta);
     PM_TRY(theta != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for weights"));
     pm_shooting_weights(s, theta);
-    bool finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+    bool finite = integrates(s);
     finite = finite || refine(s, p, substeps, FEW_FINER);
     for (int i = 0; i < MOST_CALMER && !finite && s->failed == PM_OK; ++i) {
         for (int k = 0; k < s->nweight; ++k) {
             theta[k] = 0.5 * (theta[k] + s->terms.first_weight[k]);
         }
         pm_shooting_set_weights(s, theta);
-        finite = isfinite(pm_shooting_evaluate(s, s->z, false));
+        finite = integrates(s);
     }
     free(theta);
     finite = finite || refine(s, p, substeps, MOST_FINER) || draw_starts(s);

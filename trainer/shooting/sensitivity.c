@@ -26,8 +26,9 @@ struct pm_sensitivity {
     int nz, ny, nentry, nweight, ninput;
     pm_trained *trained; // [nentry]
     jacobian step, columns;
-    double *a, *b; // [size][nz], [size][nweight] of one item
-    double *c;     // [nz][nz or nweight] a product
+    double *a, *b;                 // [size][nz], [size][nweight] of one item
+    double *c;                     // [nz][nz or nweight] a product
+    double *by_start, *by_weights; // [ny][nz], [ny][nweight] of the columns at one sample
 };
 
 // --- opening ---
@@ -126,6 +127,8 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
     f->a = pm_arena_array(&f->arena, rows * (size_t)f->nz, sizeof *f->a);
     f->b = pm_arena_array(&f->arena, rows * (size_t)f->nweight + 1, sizeof *f->b);
     f->c = pm_arena_array(&f->arena, rows * (size_t)(f->nz + f->nweight), sizeof *f->c);
+    f->by_start = pm_arena_array(&f->arena, rows * (size_t)f->nz, sizeof *f->by_start);
+    f->by_weights = pm_arena_array(&f->arena, rows * (size_t)f->nweight + 1, sizeof *f->by_weights);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&f->arena, "the derivatives of %d weights", f->nweight));
     if (!how->fixed) {
@@ -146,10 +149,6 @@ void pm_sensitivity_close(pm_sensitivity *sensitivity) {
         pm_program_close(sensitivity->columns.program);
         PM_DELETE(sensitivity);
     }
-}
-
-int pm_sensitivity_inputs(const pm_sensitivity *sensitivity) {
-    return sensitivity->ninput;
 }
 
 void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, size_t nweight,
@@ -230,53 +229,39 @@ static void chain(const pm_sensitivity *f, int size, const pm_sensitivity_item *
     }
 }
 
-void pm_sensitivity_linearise_step(pm_sensitivity *sensitivity, int count,
-                                   pm_sensitivity_item *const *item) {
-    run(sensitivity, &sensitivity->step, count, item);
-}
-
-void pm_sensitivity_linearise_columns(pm_sensitivity *sensitivity, int count,
-                                      pm_sensitivity_item *const *item, double *y) {
-    const jacobian *j = &sensitivity->columns;
-    run(sensitivity, &sensitivity->columns, count, item);
-    memcpy(y, pm_program_value(j->program, j->value),
-           (size_t)count * (size_t)sensitivity->ny * sizeof *y);
-}
-
-void pm_sensitivity_chain_step(const pm_sensitivity *sensitivity, int id,
-                               pm_sensitivity_item *item) {
-    copy_jacobian(sensitivity, &sensitivity->step, id);
-    chain(sensitivity, sensitivity->nz, item, item->by_start, item->by_weights);
-}
-
-void pm_sensitivity_chain_columns(const pm_sensitivity *sensitivity, int id,
-                                  const pm_sensitivity_item *item, double *by_start,
-                                  double *by_weights) {
-    copy_jacobian(sensitivity, &sensitivity->columns, id);
-    chain(sensitivity, sensitivity->ny, item, by_start, by_weights);
-}
-
-void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item) {
-    const jacobian *j = &sensitivity->step;
-    pm_sensitivity_linearise_step(sensitivity, count, item);
+// Advances the states of all items [count] by one step each, and their derivatives if there are
+// any.
+static void take_step(pm_sensitivity *f, int count, pm_sensitivity_item *const *item) {
+    jacobian *j = &f->step;
+    run(f, j, count, item);
     const double *next = pm_program_value(j->program, j->value);
     for (int i = 0; i < count; ++i) {
-        memcpy(item[i]->z, next + (ptrdiff_t)i * sensitivity->nz,
-               (size_t)sensitivity->nz * sizeof *next);
-        if (sensitivity->derivatives) {
-            pm_sensitivity_chain_step(sensitivity, i, item[i]);
+        memcpy(item[i]->z, next + (ptrdiff_t)i * f->nz, (size_t)f->nz * sizeof *next);
+        if (f->derivatives) {
+            copy_jacobian(f, j, i);
+            chain(f, f->nz, item[i], item[i]->by_start, item[i]->by_weights);
         }
     }
+}
+
+// Lets an item take step `k` of a track.
+static void give_step(const pm_sensitivity *f, const pm_track *t, int k,
+                      pm_sensitivity_item *item) {
+    item->duration = t->duration[k];
+    item->input = t->input == NULL ? NULL : t->input + (ptrdiff_t)k * f->ninput;
 }
 
 void pm_sensitivity_measure(pm_sensitivity *sensitivity, int count,
                             pm_sensitivity_item *const *item, double *y, double *by_start,
                             double *by_weights) {
+    jacobian *j = &sensitivity->columns;
     const ptrdiff_t ny = sensitivity->ny;
-    pm_sensitivity_linearise_columns(sensitivity, count, item, y);
+    run(sensitivity, j, count, item);
+    memcpy(y, pm_program_value(j->program, j->value), (size_t)(count * ny) * sizeof *y);
     for (int i = 0; i < count && sensitivity->derivatives; ++i) {
-        pm_sensitivity_chain_columns(sensitivity, i, item[i], by_start + i * ny * sensitivity->nz,
-                                     by_weights + i * ny * sensitivity->nweight);
+        copy_jacobian(sensitivity, j, i);
+        chain(sensitivity, sensitivity->ny, item[i], by_start + i * ny * sensitivity->nz,
+              by_weights + i * ny * sensitivity->nweight);
     }
 }
 
@@ -289,14 +274,80 @@ void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivi
             const pm_track *t = track[i];
             const int k = sample[i] < 0 ? -1 : t->first_step[sample[i]] + step;
             if (k >= 0 && sample[i] + 1 < t->count && k < t->first_step[sample[i] + 1]) {
-                item[i].duration = t->duration[k];
-                item[i].input =
-                    t->input == NULL ? NULL : t->input + (ptrdiff_t)k * sensitivity->ninput;
+                give_step(sensitivity, t, k, &item[i]);
                 moving[n++] = &item[i];
             }
         }
         if (n > 0) {
-            pm_sensitivity_step(sensitivity, n, moving);
+            take_step(sensitivity, n, moving);
         }
+    }
+}
+
+// Linearises the steps from first[0] on of one window along its path, and what is measured there.
+static void follow_path(pm_sensitivity *f, int id, pm_sensitivity_item *item, const pm_track *t,
+                        int from, int to, double *path, pm_sensitivity_visit *visit,
+                        void *context) {
+    const int end = t->first_step[to], nprescribed = f->ninput / PM_BOUNDARY_INPUT_ORDER;
+    pm_sensitivity_start(f, item);
+    for (int first = t->first_step[from], sample = from; first < end;
+         first += PM_SENSITIVITY_BATCH) {
+        const int after = end - first < PM_SENSITIVITY_BATCH ? end : first + PM_SENSITIVITY_BATCH;
+        pm_sensitivity_item step[PM_SENSITIVITY_BATCH], look[PM_SENSITIVITY_BATCH];
+        pm_sensitivity_item *steps[PM_SENSITIVITY_BATCH], *looks[PM_SENSITIVITY_BATCH];
+        int nlook = 0;
+        for (int k = first; k < after; ++k) {
+            steps[k - first] = &step[k - first];
+            step[k - first] = (pm_sensitivity_item){.z = path + (ptrdiff_t)k * f->nz};
+            give_step(f, t, k, &step[k - first]);
+        }
+        for (int i = sample; i < to && t->first_step[i] < after; ++i) {
+            const double *now = t->now == NULL ? NULL : t->now + (ptrdiff_t)i * nprescribed;
+            looks[nlook] = &look[nlook];
+            look[nlook++] =
+                (pm_sensitivity_item){.z = step[t->first_step[i] - first].z, .now = now};
+        }
+        run(f, &f->step, after - first, steps);
+        if (nlook > 0) {
+            run(f, &f->columns, nlook, looks);
+        }
+        for (int k = first, seen = 0; k < after; ++k) {
+            if (seen < nlook && t->first_step[sample] == k) {
+                copy_jacobian(f, &f->columns, seen);
+                chain(f, f->ny, item, f->by_start, f->by_weights);
+                visit(context, id, sample++, look[seen].z,
+                      pm_program_value(f->columns.program, f->columns.value) +
+                          (ptrdiff_t)seen * f->ny,
+                      f->by_start, f->by_weights);
+                ++seen;
+            }
+            copy_jacobian(f, &f->step, k - first);
+            chain(f, f->nz, item, item->by_start, item->by_weights);
+        }
+    }
+}
+
+void pm_sensitivity_along(pm_sensitivity *sensitivity, pm_sensitivity *values, int count,
+                          pm_sensitivity_item *item, const pm_track *const *track, const int *first,
+                          const int *last, double *const *path, pm_sensitivity_visit *visit,
+                          void *context) {
+    const int nz = sensitivity->nz;
+    for (int step = 0, n = 1; n > 0; ++step) {
+        pm_sensitivity_item *moving[PM_SENSITIVITY_BATCH];
+        n = 0;
+        for (int i = 0; i < count; ++i) {
+            const int k = track[i]->first_step[first[i]] + step;
+            if (k < track[i]->first_step[last[i]]) {
+                memcpy(path[i] + (ptrdiff_t)k * nz, item[i].z, (size_t)nz * sizeof **path);
+                give_step(values, track[i], k, &item[i]);
+                moving[n++] = &item[i];
+            }
+        }
+        if (n > 0) {
+            take_step(values, n, moving);
+        }
+    }
+    for (int i = 0; i < count; ++i) {
+        follow_path(sensitivity, i, &item[i], track[i], first[i], last[i], path[i], visit, context);
     }
 }

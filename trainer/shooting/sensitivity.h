@@ -30,16 +30,13 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
                               bool derivatives);
 void pm_sensitivity_close(pm_sensitivity *sensitivity); // NULL is allowed
 
-// Returns the number of coefficients of the boundary inputs that a step reads.
-int pm_sensitivity_inputs(const pm_sensitivity *sensitivity);
-
 // A state that the integrator advances in time, with its derivatives. The caller owns the arrays.
 typedef struct pm_sensitivity_item {
     double *z;          // [nz] the state
     double *by_start;   // [nz][nz] its derivative with respect to the state at the start
     double *by_weights; // [nz][nweight] its derivative with respect to the weights
-    // The boundary inputs over the coming step [pm_sensitivity_inputs], and at the present sample
-    // [nprescribed], or NULL.
+    // The boundary inputs over the coming step [PM_BOUNDARY_INPUT_ORDER][nprescribed], and at the
+    // present sample [nprescribed], or NULL.
     const double *input, *now;
     double duration; // of the coming step, in dt of the scene
 } pm_sensitivity_item;
@@ -50,25 +47,19 @@ void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, si
                              pm_arena *arena);
 // Makes the state of `item` a start: by_start becomes the identity and by_weights zero.
 void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item *item);
-// Advances the states of all items [count], count <= PM_SENSITIVITY_BATCH, by one step each, which
-// is one of the scene stretched to item->duration. Also advances the derivatives if
-// there are any.
-void pm_sensitivity_step(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *const *item);
-// Linearises one step, or the measured columns, at the states of the items [count], which may be
-// those of one trajectory at successive times: their derivatives are not used. Writes the columns
-// to y [count][ny].
-void pm_sensitivity_linearise_step(pm_sensitivity *sensitivity, int count,
-                                   pm_sensitivity_item *const *item);
-void pm_sensitivity_linearise_columns(pm_sensitivity *sensitivity, int count,
-                                      pm_sensitivity_item *const *item, double *y);
-// Advances the derivatives of `item` by step `id` of the last linearisation.
-void pm_sensitivity_chain_step(const pm_sensitivity *sensitivity, int id,
-                               pm_sensitivity_item *item);
-// Writes the derivatives of the columns `id` of the last linearisation with respect to the start of
-// `item`, by_start [ny][nz], and to the weights, by_weights [ny][nweight].
-void pm_sensitivity_chain_columns(const pm_sensitivity *sensitivity, int id,
-                                  const pm_sensitivity_item *item, double *by_start,
-                                  double *by_weights);
+// Integrates `count` windows of tracks, count <= PM_SENSITIVITY_BATCH, item[i] from its start at
+// sample first[i] of track[i] to sample last[i]: with `values`, which has no derivatives, side by
+// side; then each is linearised along its path, many steps at a time, and the Jacobians are
+// multiplied in turn. This takes much less time than one step after the other where windows are
+// few. path[i] [steps of track[i]][nz] receives the states before the steps. Calls `visit` for the
+// samples first[i] to last[i] - 1 of each window in turn, with the state, what is measured there, y
+// [ny], and its derivatives, of which it may change by_start.
+typedef void pm_sensitivity_visit(void *context, int id, int sample, const double *z,
+                                  const double *y, double *by_start, const double *by_weights);
+void pm_sensitivity_along(pm_sensitivity *sensitivity, pm_sensitivity *values, int count,
+                          pm_sensitivity_item *item, const pm_track *const *track, const int *first,
+                          const int *last, double *const *path, pm_sensitivity_visit *visit,
+                          void *context);
 // Takes item i of items [count] from sample[i] of the track track[i] to the next sample; a sample
 // of -1 stays where it is.
 void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivity_item *item,

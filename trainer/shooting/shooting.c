@@ -327,25 +327,6 @@ static const double *now_at(const pm_shooting *s, const pm_track *t, int sample)
                           : t->now + (ptrdiff_t)sample * s->how.system->scene->physics.nprescribed;
 }
 
-// Adds the prior of the first start of a track, or of all starts with their own deviations.
-static void add_prior(pm_shooting_lane *l, int window) {
-    const pm_shooting *s = l->shooting;
-    const pm_window *w = &s->window[window];
-    const double *prior = w->follows ? s->terms.later : s->terms.prior;
-    const ptrdiff_t nz = s->nz;
-    for (ptrdiff_t c = 0; c < nz && (s->terms.everywhere || !w->follows); ++c) {
-        if (!(prior[c] > 0)) {
-            continue;
-        }
-        const double r = (l->start[window * nz + c] - s->observation->guess[c]) / prior[c];
-        l->objective += 0.5 * r * r;
-        if (l->derivatives) {
-            s->blocks.own[window * nz * nz + c * (nz + 1)] += 1 / (prior[c] * prior[c]);
-            s->blocks.border[(window * nz + c) * s->nborder + s->nweight] += r / prior[c];
-        }
-    }
-}
-
 // Integrates windows side by side, with their derivatives if there are any.
 static void run_beside(pm_shooting_lane *l, int first, int count) {
     const pm_shooting *s = l->shooting;
@@ -375,86 +356,16 @@ static void run_beside(pm_shooting_lane *l, int first, int count) {
     }
 }
 
-// Returns the step of a track at which the integration of a window ends.
-static int last_step(const pm_shooting *s, const pm_window *w) {
-    return s->tracks->track[w->track].first_step[w->ends ? w->last - 1 : w->last];
-}
+// The windows that a lane integrates along their paths.
+typedef struct followed_windows {
+    pm_shooting_lane *lane;
+    int first; // window
+} followed_windows;
 
-// Lets an item take step `k` of a track.
-static void give_step(const pm_shooting *s, const pm_track *t, int k, pm_sensitivity_item *item) {
-    const ptrdiff_t ninput =
-        (ptrdiff_t)s->how.system->scene->physics.nprescribed * PM_BOUNDARY_INPUT_ORDER;
-    item->duration = t->duration[k];
-    item->input = t->input == NULL ? NULL : t->input + k * ninput;
-}
-
-// Integrates windows without derivatives, and writes the states before all steps to s->path.
-static void find_paths(pm_shooting_lane *l, int first, int count) {
-    const pm_shooting *s = l->shooting;
-    for (int step = 0, n = 1; n > 0; ++step) {
-        pm_sensitivity_item *moving[PM_SENSITIVITY_BATCH];
-        n = 0;
-        for (int i = 0; i < count; ++i) {
-            const pm_window *w = &s->window[first + i];
-            const pm_track *t = &s->tracks->track[w->track];
-            const int k = t->first_step[w->first] + step;
-            if (k < last_step(s, w)) {
-                memcpy(s->path[w->track] + (ptrdiff_t)k * s->nz, l->item[i].z,
-                       (size_t)s->nz * sizeof(double));
-                give_step(s, t, k, &l->item[i]);
-                moving[n++] = &l->item[i];
-            }
-        }
-        if (n > 0) {
-            pm_sensitivity_step(l->value, n, moving);
-        }
-    }
-}
-
-// Linearises a window along its path, many steps at a time, and multiplies their Jacobians in turn:
-// the item has the state at the end.
-static void run_along(pm_shooting_lane *l, int window, pm_sensitivity_item *item) {
-    const pm_shooting *s = l->shooting;
-    const pm_window *w = &s->window[window];
-    const pm_track *t = &s->tracks->track[w->track];
-    const int end = last_step(s, w);
-    int sample = w->first;
-    pm_sensitivity_start(l->sensitivity, item);
-    for (int first = t->first_step[sample]; first < end; first += PM_SENSITIVITY_BATCH) {
-        const int after = end - first < PM_SENSITIVITY_BATCH ? end : first + PM_SENSITIVITY_BATCH;
-        pm_sensitivity_item step[PM_SENSITIVITY_BATCH], look[PM_SENSITIVITY_BATCH];
-        pm_sensitivity_item *steps[PM_SENSITIVITY_BATCH], *looks[PM_SENSITIVITY_BATCH];
-        int nlook = 0, nrow = 0;
-        for (int k = first; k < after; ++k) {
-            steps[k - first] = &step[k - first];
-            step[k - first] = (pm_sensitivity_item){.z = s->path[w->track] + (ptrdiff_t)k * s->nz};
-            give_step(s, t, k, &step[k - first]);
-        }
-        for (int i = sample; i < w->last && t->first_step[i] < after; ++i) {
-            looks[nlook] = &look[nlook];
-            look[nlook++] = (pm_sensitivity_item){.z = step[t->first_step[i] - first].z,
-                                                  .now = now_at(s, t, i)};
-        }
-        pm_sensitivity_linearise_step(l->sensitivity, after - first, steps);
-        if (nlook > 0) {
-            pm_sensitivity_linearise_columns(l->sensitivity, nlook, looks, l->y);
-        }
-        for (int k = first, seen = 0; k < after; ++k) {
-            if (seen < nlook && t->first_step[sample] == k) {
-                pm_sensitivity_chain_columns(l->sensitivity, seen, item, l->by_start,
-                                             l->by_weights);
-                nrow = add_sample(l, window, sample++, look[seen].z, l->y + (ptrdiff_t)seen * s->ny,
-                                  l->by_start, l->by_weights, nrow);
-                ++seen;
-            }
-            pm_sensitivity_chain_step(l->sensitivity, k - first, item);
-        }
-        add_rows(l, nrow);
-    }
-    if (w->ends) {
-        item->now = now_at(s, t, w->last - 1);
-        add_samples(l, 1, &window, &item, w->last - 1 - w->first);
-    }
+static void visit(void *context, int id, int sample, const double *z, const double *y,
+                  double *by_start, const double *by_weights) {
+    const followed_windows *f = context;
+    add_rows(f->lane, add_sample(f->lane, f->first + id, sample, z, y, by_start, by_weights, 0));
 }
 
 static void run_batch(pm_shooting_lane *l, int first, int count) {
@@ -462,12 +373,42 @@ static void run_batch(pm_shooting_lane *l, int first, int count) {
     for (int i = 0; i < count; ++i) {
         memcpy(l->item[i].z, l->start + (ptrdiff_t)(first + i) * s->nz,
                (size_t)s->nz * sizeof(double));
-        add_prior(l, first + i);
+        // Adds the prior of the first start of a track, or of all starts with their own deviations.
+        const ptrdiff_t nz = s->nz, window = first + i;
+        const pm_window *w = &s->window[window];
+        const double *prior = w->follows ? s->terms.later : s->terms.prior;
+        for (ptrdiff_t c = 0; c < nz && (s->terms.everywhere || !w->follows); ++c) {
+            if (!(prior[c] > 0)) {
+                continue;
+            }
+            const double r = (l->start[window * nz + c] - s->observation->guess[c]) / prior[c];
+            l->objective += 0.5 * r * r;
+            if (l->derivatives) {
+                s->blocks.own[window * nz * nz + c * (nz + 1)] += 1 / (prior[c] * prior[c]);
+                s->blocks.border[(window * nz + c) * s->nborder + s->nweight] += r / prior[c];
+            }
+        }
     }
     if (l->derivatives && count < FEW) {
-        find_paths(l, first, count);
+        const pm_track *track[FEW] = {NULL};
+        int begin[FEW] = {0}, end[FEW] = {0};
+        double *path[FEW] = {NULL};
         for (int i = 0; i < count; ++i) {
-            run_along(l, first + i, &l->item[i]);
+            const pm_window *w = &s->window[first + i];
+            track[i] = &s->tracks->track[w->track];
+            path[i] = s->path[w->track];
+            begin[i] = w->first;
+            end[i] = w->ends ? w->last - 1 : w->last;
+        }
+        pm_sensitivity_along(l->sensitivity, l->value, count, l->item, track, begin, end, path,
+                             visit, &(followed_windows){l, first});
+        for (int i = 0; i < count; ++i) { // the last samples of trajectories
+            pm_sensitivity_item *item = &l->item[i];
+            const int window = first + i;
+            item->now = now_at(s, track[i], end[i]);
+            if (s->window[window].ends) {
+                add_samples(l, 1, &window, &item, end[i] - begin[i]);
+            }
         }
     } else {
         run_beside(l, first, count);
