@@ -198,10 +198,12 @@ static bool take_power(const char **text, int *power) {
     return true;
 }
 
+#define MOST_PARENTHESES 8 // one in the other
+
 pm_unit pm_unit_parse(const char *text) {
     pm_unit unit = {.known = true, .factor = 1};
-    int sign = 1, within = 1; // for the next symbol; for symbols in parentheses
-    bool inside = false;
+    int sign = 1, depth = 0;                // of the next symbol; open parentheses
+    int within[MOST_PARENTHESES + 1] = {1}; // sign of what stands in them
     for (size_t i = 0; i < sizeof lone_units / sizeof *lone_units; ++i) {
         if (strcmp(lone_units[i].name, text) == 0) {
             unit.factor = lone_units[i].factor;
@@ -215,15 +217,16 @@ pm_unit pm_unit_parse(const char *text) {
     }
     while (unit.known && *text != '\0') {
         if (*text == '/') {
-            sign = -1;
+            sign = -within[depth];
             ++text;
         } else if (*text == '(') {
-            inside = true;
-            within = sign;
+            unit.known = depth < MOST_PARENTHESES;
+            depth += unit.known;
+            within[depth] = sign;
             ++text;
         } else if (*text == ')') {
-            inside = false;
-            sign = 1;
+            depth -= depth > 0;
+            sign = within[depth];
             ++text;
         } else if (skip_product(text) > 0) {
             text += skip_product(text);
@@ -241,7 +244,7 @@ pm_unit pm_unit_parse(const char *text) {
             const size_t length = (size_t)(text - name);
             unit.known = length > 0 && take_power(&text, &power) &&
                          multiply(&unit, name, length, sign, power);
-            sign = inside ? within : 1;
+            sign = within[depth];
         }
     }
     return unit;

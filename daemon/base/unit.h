@@ -18,9 +18,10 @@ typedef struct pm_unit {
 
 // Reads symbols that are joined by blanks, '*', '.' or a raised dot, or by nothing as in "Nm" and
 // "mAh", each with an optional power "^2", "^-1", "**2", "2" or in raised characters. A '/' divides
-// by the next symbol, or by several in parentheses. "1", "-" and "" are dimensionless. The result
-// is `known` if every symbol is known: SI units with their prefixes, and those of the table in
-// unit.c, such as l, min, bar, deg and eV. Alone, degC, degF and % are known, too.
+// by the next symbol, or by several in parentheses, which may contain others. "1", "-" and "" are
+// dimensionless. The result is `known` if every symbol is known: SI units with their prefixes, and
+// those of the table in unit.c, such as l, min, bar, deg and eV. Alone, degC, degF and % are known,
+// too.
 pm_unit pm_unit_parse(const char *text);
 
 // Returns true if both units are known and equal.

@@ -2,7 +2,7 @@
 # test_fit.sh PORTMET_TRAIN PORTMETD [short]: short fits of a few trajectories lower the loss; the same
 # command gives the same bits of weights, also when it was interrupted and resumed; and bad training
 # files end with one line that has file, line and column. `short` makes fits that are interrupted
-# shorter, and leaves out substeps that are doubled five times and a proposal's fit.
+# shorter, and leaves out substeps that are doubled five times.
 set -u
 train=$1
 portmetd=$2

@@ -32,6 +32,9 @@ static void units_are_powers_of_base_units(void **state) {
     assert_unit("C*Wb", "J s", true);
     assert_unit("N m s", "kg m2 s^-1", true);
     assert_unit("W/(K m)", "kg m/(s^3 K)", true);
+    assert_unit("J/(m^3/s)", "Pa s", true);
+    assert_unit("J/(J/(m^3/s))", "m^3/s", true);
+    assert_unit("W/(m/s K)", "N/K", true);
     assert_unit("J/K", "J", false);
     assert_unit("rad", "1", true);
     assert_unit("1/s", "Hz", true);

@@ -19,9 +19,9 @@
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
-#define ENDED \
-    15 // s of CPU time after the first trial, where one ends; some more is for its judgement
-#define LEAST 1 // likewise, which every trial has
+// Trials after the first one end after so many s of CPU time; as many more are for their judgement.
+#define ENDED 15
+#define LEAST 1 // s of CPU time that every trial has
 // More that is hidden must lower the error by this factor. Columns that are predicted as well as
 // their noise allows, or to this part of their deviation, need nothing more.
 #define BETTER 0.85
@@ -179,7 +179,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     // it.
     const double rest = s->hints->budget - s->used, count = s->count - from;
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
-    // What the first trial finds is not lost: the fit begins there.
+    // The first trial may take longer, since the fit begins where it ends.
     const double longest = from == 0 ? left : fmin(ENDED, left);
     const pm_fit_effort effort = {.tries = TRIES,
                                   .try_iterations = 4,
