@@ -50,7 +50,13 @@ static void describe(const pm_logger_view *v) {
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
-        if (column->kind == PM_LOGGER_POSITION) {
+        for (int j = 0, some = 0; j < v->nvariable && column->guided; ++j) {
+            if (pm_logger_guides(v, c, j)) {
+                printf("%s %s", some++ == 0 ? ", moved where other positions point by" : " and",
+                       v->column[j].name);
+            }
+        }
+        if (column->kind == PM_LOGGER_POSITION && !column->guided) {
             fputs(", whose rate is ", stdout);
             if (column->ratio != 1) {
                 printf("%.4g times ", column->ratio);

@@ -359,6 +359,14 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     acts =
                         acts || (v->column[j].part == parts[1 - end] && pm_logger_joins(v, i, j));
                 }
+                for (int n = 0; n < v->nguide; ++n) { // angles that tell how
+                    const pm_logger_guide *g = &v->guide[n];
+                    const int one = v->column[g->position].part;
+                    const int other = v->column[g->velocity].part;
+                    acts = acts || ((g->angle == i || g->other == i) && one != other &&
+                                    (one == parts[0] || one == parts[1]) &&
+                                    (other == parts[0] || other == parts[1]));
+                }
                 if (acts && v->column[i].part == parts[end]) {
                     fprintf(f, "%s%s", pm_logger_separate(&listed), v->column[i].name);
                     if (v->column[i].feeds) {
@@ -574,6 +582,11 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     fprintf(w->model, "[%c.%s, %c.z_%s, \"%s/%.4g\"]", falls ? 'b' : 'a', to->name,
                             end, from->name, pm_logger_flow(flow, sizeof flow, end, from),
                             pm_logger_highest(v));
+                } else if (pm_logger_guides(v, i, j) || pm_logger_guides(v, j, i)) {
+                    const bool first = pm_logger_guides(v, i, j);
+                    fprintf(w->model, "[%s, %s, \"", first ? x : y, first ? y : x);
+                    pm_logger_write_guide(w, first ? i : j, first ? j : i, parts);
+                    fputs("\"]", w->model);
                 } else if (v->moves[i][j] != 0 || v->moves[j][i] != 0) {
                     const double rate = v->moves[i][j] != 0 ? v->moves[i][j] : -v->moves[j][i];
                     fprintf(w->model, "[%s, %s, %.6g]", x, y, rate);

@@ -95,11 +95,17 @@ const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *
 static double energy_of(const pm_logger_column *y) {
     return y->inertia * y->deviation * y->deviation;
 }
-// Returns true if an inertia of this part may depend on its positions: it is that of velocities.
+// Returns true if an inertia of this part may depend on its positions: it is that of their rates.
+// Where positions are guided instead, how they move depends on positions, and inertias do not.
 static bool shares_inertia(const pm_logger_writer *w, int c) {
     const pm_logger_column *y = &w->v->column[c];
+    bool guided = false;
+    for (int q = 0; q < w->v->nvariable; ++q) {
+        guided = guided || (w->v->column[q].part == y->part && w->v->column[q].guided);
+    }
     return w->chosen[PM_LOGGER_INERTIA] == LEARNED_INERTIA && y->mate >= 0 &&
-           y->kind == PM_LOGGER_FLOW && pm_logger_count(w->v, y->part, PM_LOGGER_POSITION) > 1;
+           y->kind == PM_LOGGER_FLOW && !guided &&
+           pm_logger_count(w->v, y->part, PM_LOGGER_POSITION) > 1;
 }
 
 // Writes features of all positions of a part: sine and cosine of angles, and other positions.
@@ -403,7 +409,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             continue;
         }
         const pm_logger_column *v = &w->v->column[q->mate];
-        double stiffness = -v->inertia * w->v->coupling[q->mate][c] / q->ratio;
+        double stiffness = q->guided ? 0 : -v->inertia * w->v->coupling[q->mate][c] / q->ratio;
         for (int j = 0; j < w->v->nvariable; ++j) { // what springs to other positions have of it
             stiffness -=
                 j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && has_spring(w->v, c, j)
@@ -424,8 +430,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         const bool more = w->chosen[PM_LOGGER_POTENTIAL] == SPRINGS_OF_ANGLES;
         if (!q->waves || q->springs || (more && pm_logger_may_spring(q))) {
             const double d = fmax(fabs(q->least), fabs(q->largest));
-            const double start[] = {-v->inertia * v->constant * d / q->ratio,
-                                    stiffness * d * d / 2};
+            const double push = q->guided ? 0 : -v->inertia * v->constant * d / q->ratio;
+            const double start[] = {push, stiffness * d * d / 2};
             static const char *const kinds[] = {"k1", "k2", "k3", "k4"};
             for (int k = 0; k < 4; ++k) {
                 const double begin = k < 2 && !q->waves ? start[k] : 0;
@@ -475,6 +481,20 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                         fmax(fabs(a->least), fabs(a->largest)), b->name,
                         fmax(fabs(b->least), fabs(b->largest)));
             }
+            if (w->v->central[i][j]) {
+                const double d = fmax(fmax(fabs(a->least), fabs(a->largest)),
+                                      fmax(fabs(b->least), fabs(b->largest)));
+                fprintf(w->model, "      - \"%s*(%s/%.6g)^2*(%s/%.6g)^2",
+                        pm_logger_number(w, "square", both, 0, size), a->name, d, b->name, d);
+                pm_logger_constant(w, "aspect", both, 1);
+                pm_logger_constant(w, "core", both, d);
+                const char *radius = pm_logger_number(w, "radius", both, 0, size);
+                const char *across = pm_logger_number(w, "across", both, 0, a->deviation);
+                const char *along = pm_logger_number(w, "along", both, 0, b->deviation);
+                fprintf(w->model,
+                        " + %s/%.6g*sqrt((%s - %s)^2 + aspect_%s*(%s - %s)^2 + core_%s^2)\"\n",
+                        radius, d, a->name, across, both, b->name, along, both);
+            }
             if (has_spring(w->v, i, j)) {
                 const double d = w->v->apart[i][j];
                 const double spring = w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] /
@@ -491,6 +511,58 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
     }
 }
 
+void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts) {
+    bool some = false;
+    for (int k = 0; k < w->v->nguide; ++k) {
+        const pm_logger_guide *g = &w->v->guide[k];
+        char name[PM_LOGGER_TEXT];
+        if (g->position != q || g->velocity != v) {
+            continue;
+        }
+        const pm_logger_column *angle = &w->v->column[g->angle];
+        const char *turns = parts == NULL ? "" : angle->part == parts[0] ? "a." : "b.";
+        const char *x = angle->name;
+        snprintf(name, sizeof name, "%.30s_%.30s_%d", w->v->column[q].name, w->v->column[v].name,
+                 k);
+        fputs(some ? " + " : "", w->model);
+        some = true;
+        if (fabs(g->factor) == 1) {
+            fprintf(w->model, "%.1f", g->factor);
+        } else {
+            fputs(pm_logger_number(w, "guide", name, g->factor, fabs(g->factor)), w->model);
+        }
+        if (g->function == 'x') {
+            fprintf(w->model, "*%s%s", turns, x);
+        } else if (g->function != '1') {
+            fprintf(w->model, "*%s(%d*%s%s", g->function == 's' ? "sin" : "cos", g->harmonic, turns,
+                    x);
+            if (g->other >= 0) {
+                fprintf(w->model, " %c %s%s", g->sign > 0 ? '+' : '-', turns,
+                        w->v->column[g->other].name);
+            }
+            fputs(")", w->model);
+        }
+    }
+}
+
+// Writes the factor by which velocities i and j turn into each other: a sum over velocities.
+static void write_gyration(pm_logger_writer *w, int i, int j) {
+    const pm_logger_view *v = w->v;
+    for (int k = 0; k < v->nvariable; ++k) {
+        const pm_logger_column *y = &v->column[k];
+        if (pm_logger_is_velocity(y) && y->part == v->column[i].part) {
+            char name[PM_LOGGER_TEXT];
+            snprintf(name, sizeof name, "%.30s_%.30s_by_%.30s", v->column[i].name,
+                     v->column[j].name, y->name);
+            fprintf(
+                w->model, " + %s*%s",
+                pm_logger_number(w, "gyration", name, 0,
+                                 pm_logger_between(w, &v->column[i], &v->column[j]) / y->deviation),
+                y->name);
+        }
+    }
+}
+
 // Writes what couples positions with velocities, and co-energies of different kinds.
 void pm_logger_write_reversible(pm_logger_writer *w, int part) {
     bool some = false;
@@ -499,7 +571,16 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
         if (a->part != part) {
             continue;
         }
-        if (a->kind == PM_LOGGER_POSITION) {
+        for (int j = 0; j < w->v->nvariable; ++j) {
+            if (w->v->column[j].part == part && pm_logger_guides(w->v, i, j)) {
+                fprintf(w->model, "%s[%s, %s, \"", some ? ", " : "    reversible: {given: [",
+                        a->name, w->v->column[j].name);
+                pm_logger_write_guide(w, i, j, NULL);
+                fputs("\"]", w->model);
+                some = true;
+            }
+        }
+        if (a->kind == PM_LOGGER_POSITION && !a->guided) {
             fprintf(w->model, "%s[%s, %s, ", some ? ", " : "    reversible: {given: [", a->name,
                     w->v->column[a->mate].name);
             if (fabs(a->ratio) == 1) {
@@ -517,6 +598,13 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
             if (b->part == part && rate != 0) {
                 fprintf(w->model, "%s[%s, %s, %.6g]", some ? ", " : "    reversible: {given: [",
                         a->name, b->name, rate);
+                some = true;
+            }
+            if (b->part == part && w->v->gyrates[i][j]) {
+                fprintf(w->model, "%s[%s, %s, \"0", some ? ", " : "    reversible: {given: [",
+                        a->name, b->name);
+                write_gyration(w, i, j);
+                fputs("\"]", w->model);
                 some = true;
             }
             if (b->part == part && (crank || pm_logger_is_coupled(w->v, i, j, false))) {

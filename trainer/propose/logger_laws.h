@@ -104,6 +104,10 @@ void pm_logger_write_energy(pm_logger_writer *w, int part);
 // Writes what couples positions with velocities, and co-energies of different kinds.
 void pm_logger_write_reversible(pm_logger_writer *w, int part);
 
+// Writes the factor by which velocity v moves position q: a sum of functions of angles. In a port
+// these have the prefixes of the two parts; parts is NULL in a part.
+void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts);
+
 // Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
 // are the names of the groups with their prefixes, dx and dy those of their co-energies. The
 // conductance is the sum of a constant, of that of radiation, and of that of natural convection,

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define MOST (1 + PM_LOGGER_COLUMNS + 16) // terms of a regression
+#define MOST (1 + PM_LOGGER_COLUMNS + 63) // terms of a regression
 #define FEWEST_HARMONICS 2
 #define MOST_HARMONICS 6
 #define KEPT_BACK 5 // each fifth trajectory judges
@@ -13,6 +13,10 @@
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
 #define SMALL_ANGLE 1.2 // rad
 #define CLEARLY 0.9     // of what other terms leave: these leave clearly less
+#define GUIDED 0.01     // of the changes of a position: guides leave no more, beside noise
+#define ROUND 0.05      // a factor that differs by less from 1, where units allow it, is 1
+#define NEEDED 1.1      // times the rest: a guide is needed if it becomes larger without it
+#define NEGLIGIBLE 1e-5 // of the changes: what explains less is not needed
 #define PUSHES 0.1      // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
@@ -21,12 +25,12 @@ typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, AWAY, SINE, COSINE } atom_kin
 typedef struct atom {
     int column;
     atom_kind kind;
-    int harmonic; // of SINE and COSINE
+    int harmonic, other, sign; // of SINE and COSINE: of harmonic*column + sign*other
 } atom;
 
-// A product of two factors.
+// A product of factors; one that is not set is ONE.
 typedef struct regressor {
-    atom factor[2];
+    atom factor[3];
 } regressor;
 
 typedef struct term_list {
@@ -45,9 +49,9 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
     case SIZE:
         return fabs(y);
     case SINE:
-        return sin(a.harmonic * raw);
+        return sin(a.harmonic * raw + a.sign * row[a.other]);
     case COSINE:
-        return cos(a.harmonic * raw);
+        return cos(a.harmonic * raw + a.sign * row[a.other]);
     case SQUARE:
         return y * y;
     case AWAY: // from the mean
@@ -58,9 +62,21 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
     return y;
 }
 
+// Returns true if velocities may move another position by a function of this one.
+static bool may_be_place(const pm_logger_column *c) {
+    const pm_unit number = pm_unit_parse("1");
+    return pm_unit_equal(&c->dimension, &number);
+}
+
+static double product_of(const pm_logger_view *v, const double *row, const double *held,
+                         const regressor *r) {
+    return value_of(v, row, held, r->factor[0]) * value_of(v, row, held, r->factor[1]) *
+           value_of(v, row, held, r->factor[2]);
+}
+
 // Normal equations of the windows that learn, and of those that judge.
 typedef struct equations {
-    int n;
+    int n, count;
     double matrix[MOST][MOST], right[MOST], square;
     double rest; // what known terms leave unexplained
 } equations;
@@ -73,6 +89,7 @@ static void add_equation(equations *e, const double *x, double y) {
         e->right[i] += x[i] * y;
     }
     e->square += y * y;
+    ++e->count;
 }
 
 // Solves the first n equations of `learn`, writes the solution x [n], and returns the unexplained
@@ -112,20 +129,14 @@ static double rest_of(const equations *learn, const equations *judge, int n, dou
     return judge->square > 0 ? rest / judge->square : 1;
 }
 
-// Returns how much of the changes of variable `target` the terms explain beside all columns and the
-// first `known` terms of the list, on the trajectories that are kept back. Writes all coefficients
-// to `solution` [MOST], unless it is NULL: those of the duration, of the columns relative to their
-// mean and deviation, and of the terms.
-static double gain_of(const pm_logger_samples *w, int target, const term_list *list, int known,
-                      equations *learn, double *solution) {
+// Fills the equations of the changes of variable `target`: with the integrals of the duration and
+// of all columns first if `all` is true, then with those of the terms.
+static void set_equations(const pm_logger_samples *w, int target, bool all, const term_list *list,
+                          equations *learn) {
     const pm_logger_view *v = w->view;
     const pm_dataset *d = v->dataset;
-    const int length = pm_logger_window(w, target), base = 1 + v->ncolumn;
+    const int length = pm_logger_window(w, target), base = all ? 1 + v->ncolumn : 0;
     equations *judge = learn + 1;
-    learn->rest = 0;
-    if (list->count == known || base + list->count > MOST) {
-        return 0;
-    }
     memset(learn, 0, 2 * sizeof *learn);
     learn->n = judge->n = base + list->count;
     for (int i = 0; i < d->ntrajectory; ++i) {
@@ -134,17 +145,15 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
             for (int j = k; j < k + length; ++j) {
                 const double *first = pm_logger_row(w, i, j), *last = pm_logger_row(w, i, j + 1);
                 const double half = (pm_logger_time(w, i, j + 1) - pm_logger_time(w, i, j)) / 2;
-                x[0] += 2 * half;
-                for (int c = 0; c < v->ncolumn; ++c) {
+                x[0] += all ? 2 * half : 0;
+                for (int c = 0; c < v->ncolumn && all; ++c) {
                     const double scale = v->column[c].deviation > 0 ? v->column[c].deviation : 1;
                     const double next = v->column[c].held ? first[c] : last[c];
                     x[1 + c] += half * (first[c] + next - 2 * v->column[c].mean) / scale;
                 }
                 for (int t = 0; t < list->count; ++t) {
-                    const atom *a = list->item[t].factor;
-                    x[base + t] +=
-                        half * (value_of(v, first, first, a[0]) * value_of(v, first, first, a[1]) +
-                                value_of(v, last, first, a[0]) * value_of(v, last, first, a[1]));
+                    x[base + t] += half * (product_of(v, first, first, &list->item[t]) +
+                                           product_of(v, last, first, &list->item[t]));
                 }
             }
             const double change =
@@ -158,9 +167,23 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
             }
         }
     }
+}
+
+// Returns how much of the changes of variable `target` the terms explain beside all columns and the
+// first `known` terms of the list, on the trajectories that are kept back. Writes all coefficients
+// to `solution` [MOST], unless it is NULL: those of the duration, of the columns relative to their
+// mean and deviation, and of the terms.
+static double gain_of(const pm_logger_samples *w, int target, const term_list *list, int known,
+                      equations *learn, double *solution) {
+    const int base = 1 + w->view->ncolumn;
+    learn->rest = 0;
+    if (list->count == known || base + list->count > MOST) {
+        return 0;
+    }
     double x[MOST];
-    const double without = rest_of(learn, judge, base + known, x);
-    const double with = rest_of(learn, judge, learn->n, x);
+    set_equations(w, target, true, list, learn);
+    const double without = rest_of(learn, learn + 1, base + known, x);
+    const double with = rest_of(learn, learn + 1, learn->n, x);
     learn->rest = without;
     if (solution != NULL) {
         memcpy(solution, x, sizeof x);
@@ -170,7 +193,8 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
 
 static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind other) {
     if (list->count < MOST) {
-        list->item[list->count++] = (regressor){{{a, one, 0}, {b, other, 0}}};
+        list->item[list->count++] =
+            (regressor){{{.column = a, .kind = one}, {.column = b, .kind = other}}};
     }
 }
 
@@ -178,9 +202,274 @@ static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind oth
 static void add_angle(term_list *list, int column, atom_kind kind, int angle, int first, int last) {
     for (int k = 2 * first; k < 2 * last + 2 && list->count < MOST; ++k) {
         list->item[list->count++] =
-            (regressor){{{column, kind, 0}, {angle, k % 2 == 0 ? SINE : COSINE, k / 2}}};
+            (regressor){{{.column = column, .kind = kind},
+                         {.column = angle, .kind = k % 2 == 0 ? SINE : COSINE, .harmonic = k / 2}}};
     }
 }
+
+// --- positions that velocities move by what angles tell ---
+
+// Adds the products of a velocity with functions of the angles and the pure numbers of two parts.
+static void add_turned(const pm_logger_view *v, term_list *list, int velocity, int one, int two) {
+    add_term(list, velocity, VALUE, velocity, ONE);
+    for (int a = 0; a < v->nvariable; ++a) {
+        const pm_logger_column *angle = &v->column[a];
+        if ((angle->part != one && angle->part != two) || !may_be_place(angle)) {
+            continue;
+        }
+        if (!angle->angle) {
+            add_term(list, velocity, VALUE, a, VALUE);
+            continue;
+        }
+        add_angle(list, velocity, VALUE, a, 1, FEWEST_HARMONICS);
+        for (int b = a + 1; b < v->nvariable; ++b) {
+            const bool both = v->column[b].angle && v->column[b].part == angle->part;
+            for (int k = 0; k < 4 && both && list->count < MOST; ++k) {
+                list->item[list->count++] = (regressor){{{.column = velocity, .kind = VALUE},
+                                                         {.column = a,
+                                                          .kind = k % 2 == 0 ? SINE : COSINE,
+                                                          .harmonic = 1,
+                                                          .other = b,
+                                                          .sign = k < 2 ? 1 : -1}}};
+            }
+        }
+    }
+}
+
+// Keeps the equations of the terms in `keep`, and solves them as rest_of does.
+static double rest_of_some(const equations *e, const bool *keep, equations *work, double *x) {
+    for (int k = 0; k < 2; ++k) {
+        int n = 0;
+        for (int i = 0; i < e[k].n; ++i) {
+            int m = 0;
+            for (int j = 0; j < e[k].n && keep[i]; ++j) {
+                if (keep[j]) {
+                    work[k].matrix[n][m++] = e[k].matrix[i][j];
+                }
+            }
+            work[k].right[n] = e[k].right[i];
+            n += keep[i];
+        }
+        work[k].n = n;
+        work[k].square = e[k].square;
+    }
+    return rest_of(work, work + 1, work->n, x);
+}
+
+// Finds how velocities move column q, if they do.
+static void find_guide(pm_logger_samples *w, int q, equations *e) {
+    pm_logger_view *v = w->view;
+    pm_logger_column *place = &v->column[q];
+    term_list list = {0};
+    for (int i = 0; i < v->nvariable; ++i) {
+        if (pm_logger_is_velocity(&v->column[i])) {
+            add_turned(v, &list, i, place->part, v->column[i].part);
+        }
+    }
+    if (list.count == 0 || list.count == MOST) {
+        return;
+    }
+    double x[MOST];
+    bool keep[MOST];
+    set_equations(w, q, false, &list, e);
+    for (int k = 0; k < list.count; ++k) {
+        keep[k] = true;
+    }
+    // Noise of both ends of a window is no change that velocities could explain.
+    const double noise =
+        2 * place->noise * place->noise * e[1].count / (e[1].square > 0 ? e[1].square : 1);
+    const double most = GUIDED + 2 * noise;
+    double rest = rest_of_some(e, keep, e + 2, x);
+    if (!(rest < most)) {
+        return;
+    }
+    // Terms without which the others explain nearly as much are left out, the least needed first.
+    for (bool less = true; less;) {
+        int least = -1;
+        double best = rest * NEEDED + NEGLIGIBLE;
+        for (int k = 0; k < list.count; ++k) {
+            if (keep[k]) {
+                keep[k] = false;
+                const double without = rest_of_some(e, keep, e + 2, x);
+                keep[k] = true;
+                if (without < best) {
+                    best = without, least = k;
+                }
+            }
+        }
+        less = least >= 0;
+        if (less) {
+            keep[least] = false;
+        }
+    }
+    rest = rest_of_some(e, keep, e + 2, x);
+    const pm_unit second = pm_unit_parse("s");
+    int mate = -1;
+    double own = 0;
+    for (int k = 0, n = 0; k < list.count; ++k) {
+        const atom *a = list.item[k].factor;
+        const pm_logger_column *y = &v->column[a->column];
+        if (!keep[k] || v->nguide == PM_LOGGER_GUIDES) {
+            continue;
+        }
+        const double size = fmax(fabs(y->least), fabs(y->largest));
+        double factor = x[n++] / size;
+        if (y->part == place->part && fabs(factor) * y->deviation > own) {
+            own = fabs(factor) * y->deviation, mate = a->column;
+        }
+        if (a[1].kind == VALUE) {
+            const pm_logger_column *g = &v->column[a[1].column];
+            factor /= fmax(fabs(g->least), fabs(g->largest));
+        }
+        const pm_unit rate = pm_unit_product(&y->dimension, &second);
+        const bool one = pm_unit_equal(&rate, &place->dimension) && fabs(fabs(factor) - 1) < ROUND;
+        v->guide[v->nguide++] = (pm_logger_guide){.position = q,
+                                                  .velocity = a->column,
+                                                  .function = "1xsc"[a[1].kind == ONE     ? 0
+                                                                     : a[1].kind == VALUE ? 1
+                                                                     : a[1].kind == SINE  ? 2
+                                                                                          : 3],
+                                                  .harmonic = a[1].harmonic,
+                                                  .angle = a[1].column,
+                                                  .other = a[1].sign != 0 ? a[1].other : -1,
+                                                  .sign = a[1].sign,
+                                                  .factor = one ? copysign(1, factor) : factor};
+    }
+    if (mate < 0) { // nothing of its own part moves it
+        while (v->nguide > 0 && v->guide[v->nguide - 1].position == q) {
+            --v->nguide;
+        }
+        return;
+    }
+    place->kind = PM_LOGGER_POSITION;
+    place->guided = true;
+    place->mate = mate;
+    place->ratio = 1;
+    place->waves = place->angle;
+    v->column[mate].mate = v->column[mate].mate < 0 ? q : v->column[mate].mate;
+}
+
+// Returns true if the products of velocity j with velocities change velocity i.
+static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work) {
+    const pm_logger_view *v = w->view;
+    term_list products = {0};
+    add_term(&products, i, VALUE, i, SIZE);
+    for (int k = 0; k < v->nvariable; ++k) {
+        if (pm_logger_is_velocity(&v->column[k]) && v->column[k].part == v->column[i].part) {
+            add_term(&products, j, VALUE, k, VALUE);
+        }
+    }
+    return gain_of(w, i, &products, 1, work, NULL) > GAINS;
+}
+
+pm_status pm_logger_find_guides(pm_logger_samples *w) {
+    pm_logger_view *v = w->view;
+    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
+    PM_TRY(pm_arena_status(&v->arena, "regressions"));
+    const pm_unit length = pm_unit_parse("m");
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length))) {
+            find_guide(w, q, work);
+        }
+    }
+    // Velocities turn into each other where one of them is no rate of a position: an inertia would
+    // else tell the same.
+    for (int i = 0; i < v->nvariable; ++i) {
+        for (int j = i + 1; j < v->nvariable; ++j) {
+            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+            const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
+                              v->column[b->mate].guided;
+            v->gyrates[i][j] = free && a->part == b->part && pm_logger_is_velocity(a) &&
+                               pm_logger_is_velocity(b) &&
+                               (turns_into(w, i, j, work) || turns_into(w, j, i, work));
+        }
+    }
+    return PM_OK;
+}
+
+// Adds the force x^one y^two, powers 0 to 2, of an energy of position q, as it acts on velocity i.
+static void add_force(const pm_logger_view *v, term_list *list, int i, atom x, atom y, int q) {
+    if (v->column[q].mate == i && !v->column[q].guided && list->count < MOST) {
+        list->item[list->count++] = (regressor){{x, y}};
+    }
+    for (int k = 0; k < v->nguide; ++k) {
+        const pm_logger_guide *g = &v->guide[k];
+        if (g->velocity == i && g->position == q && list->count < MOST) {
+            const atom turn = {.column = g->angle,
+                               .kind = g->function == '1'   ? ONE
+                                       : g->function == 'x' ? VALUE
+                                       : g->function == 's' ? SINE
+                                                            : COSINE,
+                               .harmonic = g->harmonic,
+                               .other = g->other >= 0 ? g->other : 0,
+                               .sign = g->sign};
+            list->item[list->count++] = (regressor){{x, y, turn}};
+        }
+    }
+}
+
+pm_status pm_logger_correct_guides(pm_logger_samples *w) {
+    pm_logger_view *v = w->view;
+    equations *work = pm_arena_array(&v->arena, 2, sizeof *work);
+    PM_TRY(pm_arena_status(&v->arena, "regressions"));
+    for (int i = 0; i < v->nvariable; ++i) {
+        term_list forces = {0};
+        double x[MOST];
+        for (int q = 0; q < v->nvariable; ++q) {
+            const atom one = {.column = q, .kind = VALUE}, two = {.column = q, .kind = SQUARE};
+            if (v->column[q].guided) {
+                add_force(v, &forces, i, one, (atom){0}, q);
+                add_force(v, &forces, i, two, (atom){0}, q);
+            }
+        }
+        if (forces.count == 0 || !(gain_of(w, i, &forces, 0, work, x) > GAINS)) {
+            continue;
+        }
+        for (int u = 0; u < v->ncolumn; ++u) {
+            if (u == i || v->column[u].kind == PM_LOGGER_INPUT) {
+                const double size = v->column[u].deviation;
+                v->coupling[i][u] = x[1 + u] / (size > 0 ? size : 1);
+            }
+        }
+        v->column[i].decay = -v->coupling[i][i];
+    }
+    return PM_OK;
+}
+
+// Returns true if lengths q and r of a part store energy together, as a spring in the plane does:
+// the force of each depends on both.
+static bool stores_both(const pm_logger_samples *w, int q, int r, equations *work) {
+    const pm_logger_view *v = w->view;
+    for (int i = 0; i < v->nvariable; ++i) {
+        term_list forces = {0};
+        int known = 0;
+        for (int pass = 0; pass < 2; ++pass) {
+            for (int end = 0; end < 2; ++end) {
+                const int own = end == 0 ? q : r, other = end == 0 ? r : q;
+                const atom x = {.column = own, .kind = VALUE}, y = {.column = other, .kind = VALUE};
+                const atom xx = {.column = own, .kind = SQUARE};
+                const atom yy = {.column = other, .kind = SQUARE};
+                if (pass == 0) {
+                    add_force(v, &forces, i, x, (atom){0}, own);
+                    add_force(v, &forces, i, xx, (atom){0}, own);
+                    add_force(v, &forces, i, xx, x, own);
+                    add_force(v, &forces, i, y, (atom){0}, own);
+                    known = forces.count;
+                } else {
+                    add_force(v, &forces, i, x, yy, own);
+                    add_force(v, &forces, i, x, y, own);
+                }
+            }
+        }
+        if (forces.count > known && gain_of(w, i, &forces, known, work, NULL) > GAINS) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// --- what moves co-energies ---
 
 // Adds products of a factor with all positions of a part, or with angles alone.
 static void add_positions(const pm_logger_view *v, term_list *list, int part, int column,
@@ -347,6 +636,15 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
         }
     }
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int r = q + 1; r < v->nvariable; ++r) {
+            const pm_logger_column *a = &v->column[q], *b = &v->column[r];
+            v->central[q][r] = a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION &&
+                               !a->angle && !b->angle && a->part == b->part &&
+                               pm_unit_equal(&a->dimension, &b->dimension) &&
+                               stores_both(w, q, r, work);
+        }
+    }
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];
@@ -376,7 +674,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
-        if (y->kind == PM_LOGGER_FLOW && y->mate >= 0 && v->column[y->mate].angle) {
+        if (y->kind == PM_LOGGER_FLOW && y->mate >= 0 && v->column[y->mate].angle &&
+            !v->column[y->mate].guided) {
             find_energy(w, i, work);
         }
     }
@@ -386,7 +685,9 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             continue;
         }
         term_list turning = {0};
-        if (y->mate >= 0) {
+        if (y->mate >= 0 && v->column[y->mate].guided) {
+            // Its inertia is constant: what turns is how it moves the position.
+        } else if (y->mate >= 0) {
             // Where energy is kept, squares of velocities are functions of the positions. Terms of
             // forces therefore come first.
             const bool angle = v->column[y->mate].angle;

@@ -384,7 +384,7 @@ static void find_length(pm_logger_samples *w, int q) {
 }
 
 // Finds positions with their velocities, then gives each variable its kind.
-static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
+static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     pm_logger_view *view = w->view;
     const pm_unit second = pm_unit_parse("s");
     bool fluid = false;
@@ -429,6 +429,7 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
     for (int q = 0; q < view->nvariable; ++q) {
         find_length(w, q);
     }
+    PM_TRY(pm_logger_find_guides(w));
     const int measured = view->nvariable;
     for (int c = 0; c < measured; ++c) {
         pm_logger_column *column = &view->column[c];
@@ -506,6 +507,7 @@ static void find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) {
             }
         }
     }
+    return PM_OK;
 }
 
 // --- inputs and scales ---
@@ -663,7 +665,8 @@ static bool find_mutual(pm_logger_view *view, const pm_logger_action *action) {
 // Returns how velocity v changes position q; 0: not at all.
 static double rate_of(const pm_logger_view *view, int q, int v) {
     const pm_logger_column *c = &view->column[q];
-    return c->kind == PM_LOGGER_POSITION && c->mate == v ? c->ratio : view->moves[q][v];
+    const bool own = c->kind == PM_LOGGER_POSITION && c->mate == v && !c->guided;
+    return own ? c->ratio : view->moves[q][v];
 }
 
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
@@ -701,6 +704,7 @@ static void find_scales(pm_logger_samples *w) {
     }
     for (int rounds = 0; rounds < view->nvariable; ++rounds) {
         int from = -1, to = -1, by = -1;
+        bool guided = false;
         double best = 0;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
@@ -721,7 +725,21 @@ static void find_scales(pm_logger_samples *w) {
                 }
             }
         }
-        if (by >= 0) {
+        for (int i = 0; i < view->nvariable && from < 0; ++i) {
+            for (int j = 0; j < view->nvariable && from < 0; ++j) {
+                bool both = view->gyrates[i][j] || view->gyrates[j][i];
+                for (int q = 0; q < view->nvariable && !both; ++q) {
+                    both = pm_logger_guides(view, q, i) && pm_logger_guides(view, q, j);
+                }
+                if (both && known[i] && !known[j]) {
+                    from = i, to = j, guided = true;
+                }
+            }
+        }
+        if (guided) { // both have a part in one energy; to begin with, equally large ones
+            const double ratio = view->column[from].deviation / view->column[to].deviation;
+            view->column[to].inertia = view->column[from].inertia * ratio * ratio;
+        } else if (by >= 0) {
             view->column[to].inertia = view->column[from].inertia *
                                        fabs(view->coupling[from][by] / view->coupling[to][by] *
                                             rate_of(view, by, to) / rate_of(view, by, from));
@@ -852,8 +870,9 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
     return a->part != b->part &&
            ((a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE) ||
             view->falls[i][j] || view->falls[j][i] || view->warms[i][j] || view->warms[j][i] ||
-            view->moves[i][j] != 0 || view->moves[j][i] != 0 ||
-            pm_logger_is_coupled(view, i, j, false) || pm_logger_is_coupled(view, i, j, true));
+            view->moves[i][j] != 0 || view->moves[j][i] != 0 || pm_logger_guides(view, i, j) ||
+            pm_logger_guides(view, j, i) || pm_logger_is_coupled(view, i, j, false) ||
+            pm_logger_is_coupled(view, i, j, true));
 }
 
 // Finds the ports: those of the hints, or between parts of which one moves the other.
@@ -1051,7 +1070,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     PM_TRY_DONE(take_columns(&w, hints));
     PM_TRY_DONE(read_parts(view, hints));
     pm_logger_find_noise(&w);
-    find_kinds(&w, hints);
+    PM_TRY_DONE(find_kinds(&w, hints));
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];
         if (column->source == NULL && column->seen == NULL) {
@@ -1065,6 +1084,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
         view->hides = view->hides || column->saturates;
     }
     pm_logger_regress_all(&w);
+    PM_TRY_DONE(pm_logger_correct_guides(&w));
     for (int i = 0; i < view->npart; ++i) {
         view->thermometer[i] = -1;
         for (int c = view->nvariable - 1; c >= 0; --c) {

@@ -15,6 +15,7 @@
 #define PM_LOGGER_COLUMNS 32 // columns beside the times, hidden velocities included
 #define PM_LOGGER_PARTS 8
 #define PM_LOGGER_ACTIONS 64
+#define PM_LOGGER_GUIDES 96
 #define PM_LOGGER_COLDEST 200.0 // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
@@ -56,6 +57,7 @@ typedef struct pm_logger_column {
     pm_logger_kind kind;
     int mate;            // of a position its velocity, of a velocity its position; -1
     double ratio;        // of a position: its rate over its velocity, such as a radius; 1 by units
+    bool guided;         // a position, moved by velocities that angles turn
     bool waves, springs; // of an angle: energies of sines and cosines, of powers
     int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
     int part;            // of variables; -1: an input
@@ -114,6 +116,15 @@ typedef struct pm_logger_converter {
     bool loses;
 } pm_logger_converter;
 
+// A term of the rate of a position: a velocity, times a factor, times a function of positions, as
+// for a wheel that rolls where its axle points, or for a crank.
+typedef struct pm_logger_guide {
+    int position, velocity;
+    char function; // '1', 's'ine or 'c'osine of an angle, or 'x': of a pure number itself
+    int harmonic, angle, other, sign; // of harmonic*angle + sign*other; other is -1 if sign is 0
+    double factor;
+} pm_logger_guide;
+
 typedef struct pm_logger_view {
     pm_arena arena;            // owns all that follows
     const pm_dataset *dataset; // borrowed
@@ -148,12 +159,19 @@ typedef struct pm_logger_view {
     // between two bodies; 0: not at all.
     double moves[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
+    // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
+    bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    int nguide;
+    pm_logger_guide guide[PM_LOGGER_GUIDES];
     // What regressions on products of columns show (logger_terms.h).
     int nconverter;
     pm_logger_converter converter[PM_LOGGER_ACTIONS];
     bool turns[PM_LOGGER_COLUMNS];  // co-energies whose inertia or capacity depends on positions
     bool pushes[PM_LOGGER_COLUMNS]; // co-energies that something constant moves
     bool crank[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] an angle tells how j moves i
+    // [i][j] velocities i and j turn into each other by a factor that depends on velocities, as
+    // those of a rigid body.
+    bool gyrates[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
@@ -171,6 +189,20 @@ static inline bool pm_logger_meets(const pm_logger_view *view, int one, int othe
         const int *ends = view->port[k];
         found =
             found || (ends[0] == one && ends[1] == other) || (ends[0] == other && ends[1] == one);
+    }
+    return found;
+}
+
+static inline bool pm_logger_is_velocity(const pm_logger_column *c) {
+    const pm_unit speed = pm_unit_parse("m/s"), turn = pm_unit_parse("rad/s");
+    return pm_unit_equal(&c->dimension, &speed) || pm_unit_equal(&c->dimension, &turn);
+}
+
+// Returns true if velocity v moves position q by what angles tell.
+static inline bool pm_logger_guides(const pm_logger_view *view, int q, int v) {
+    bool found = false;
+    for (int k = 0; k < view->nguide; ++k) {
+        found = found || (view->guide[k].position == q && view->guide[k].velocity == v);
     }
     return found;
 }
