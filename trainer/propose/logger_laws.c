@@ -274,7 +274,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 pm_logger_constant(w, "wider", y->name, SMALL * own);
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
-            } else if (bends && y->mate < 0 && y->relaxes == 0) {
+            } else if (bends && !pm_logger_is_velocity(y) && y->relaxes == 0) {
                 write_bends(w, y, own);
             }
         }
@@ -757,7 +757,7 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         fprintf(w->model,
                 one ? " + quadratic_%s*|%s|/%.4g" : " + quadratic_%s*sqrt((%s)^2 + %.4g)/%.4g",
                 name, x, one ? d : dry * dry, d);
-        if (y->mate >= 0) {
+        if (pm_logger_is_velocity(y)) {
             pm_logger_constant(w, "cubic", name, SMALL * start);
             fprintf(w->model, " + cubic_%s*(%s)^2/%.4g", name, x, d * d);
         }
@@ -768,7 +768,7 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         pm_logger_constant(w, "dry", name, SMALL * start);
         pm_logger_constant(w, "width", name, fmax(dry, fastest)); // of the step at rest
         fprintf(w->model, " + dry_%s*%.4g/sqrt((%s)^2 + width_%s^2)", name, d, x, name);
-        if (y->mate >= 0) { // what sticks falls with the velocity (Stribeck)
+        if (pm_logger_is_velocity(y)) { // what sticks falls with the velocity (Stribeck)
             pm_logger_constant(w, "sticking", name, SMALL * start);
             pm_logger_constant(w, "speed", name, y->deviation / 2);
             fprintf(w->model, " + sticking_%s/(1 + (%s)^2/speed_%s^2)", name, x, name);
@@ -782,7 +782,7 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
                 name);
     }
     fputs(")", w->model);
-    if (law <= WAVY_FRICTION && y->mate < 0) {
+    if (law <= WAVY_FRICTION && !pm_logger_is_velocity(y)) {
         if (other != NULL) {
             drop.mean -= other->mean;
             drop.least -= other->largest;

@@ -191,6 +191,17 @@ static double gain_of(const pm_logger_samples *w, int target, const term_list *l
     return without - with;
 }
 
+// Takes the couplings of variable i from the solution x of gain_of.
+static void set_couplings(pm_logger_view *v, int i, const double *x) {
+    v->column[i].constant = x[0];
+    for (int j = 0; j < v->ncolumn; ++j) {
+        const double deviation = v->column[j].deviation > 0 ? v->column[j].deviation : 1;
+        v->coupling[i][j] = x[1 + j] / deviation;
+        v->column[i].constant -= v->coupling[i][j] * v->column[j].mean;
+    }
+    v->column[i].decay = -v->coupling[i][i];
+}
+
 static void add_term(term_list *list, int a, atom_kind one, int b, atom_kind other) {
     if (list->count < MOST) {
         list->item[list->count++] =
@@ -409,30 +420,49 @@ static void add_force(const pm_logger_view *v, term_list *list, int i, atom x, a
     }
 }
 
+// Adds what guides and products of velocities are known to change in velocity i.
+static void add_known(const pm_logger_view *v, term_list *list, int i) {
+    bool turns = false;
+    for (int j = 0; j < v->nvariable; ++j) {
+        const atom one = {.column = j, .kind = VALUE}, two = {.column = j, .kind = SQUARE};
+        if (v->column[j].guided) {
+            add_force(v, list, i, one, (atom){0}, j);
+            add_force(v, list, i, two, (atom){0}, j);
+        }
+        turns = turns || v->gyrates[i][j] || v->gyrates[j][i];
+    }
+    for (int j = 0; j < v->nvariable && turns; ++j) {
+        for (int k = j; k < v->nvariable; ++k) {
+            const pm_logger_column *a = &v->column[j], *b = &v->column[k];
+            if (a->part == v->column[i].part && b->part == a->part && pm_logger_is_velocity(a) &&
+                pm_logger_is_velocity(b)) {
+                add_term(list, j, VALUE, k, VALUE);
+            }
+        }
+    }
+}
+
 pm_status pm_logger_correct_guides(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
-    equations *work = pm_arena_array(&v->arena, 2, sizeof *work);
+    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
     for (int i = 0; i < v->nvariable; ++i) {
-        term_list forces = {0};
+        term_list known = {0};
         double x[MOST];
-        for (int q = 0; q < v->nvariable; ++q) {
-            const atom one = {.column = q, .kind = VALUE}, two = {.column = q, .kind = SQUARE};
-            if (v->column[q].guided) {
-                add_force(v, &forces, i, one, (atom){0}, q);
-                add_force(v, &forces, i, two, (atom){0}, q);
-            }
-        }
-        if (forces.count == 0 || !(gain_of(w, i, &forces, 0, work, x) > GAINS)) {
+        bool keep[MOST];
+        add_known(v, &known, i);
+        if (!(gain_of(w, i, &known, 0, work, x) > GAINS)) {
             continue;
         }
-        for (int u = 0; u < v->ncolumn; ++u) {
-            if (u == i || v->column[u].kind == PM_LOGGER_INPUT) {
-                const double size = v->column[u].deviation;
-                v->coupling[i][u] = x[1 + u] / (size > 0 ? size : 1);
-            }
+        set_couplings(v, i, x);
+        memset(keep, true, sizeof keep);
+        const double rest = rest_of_some(work, keep, work + 2, x);
+        v->column[i].unexplained = rest;
+        for (int j = 0; j < v->ncolumn; ++j) {
+            keep[1 + j] = false;
+            v->share[i][j] = rest_of_some(work, keep, work + 2, x) - rest;
+            keep[1 + j] = true;
         }
-        v->column[i].decay = -v->coupling[i][i];
     }
     return PM_OK;
 }
@@ -562,6 +592,7 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
                      bool *raises) {
     const pm_logger_view *v = w->view;
     term_list product = {0};
+    add_known(v, &product, i);
     for (int a = 0; a < v->naction; ++a) {
         if (v->action[a].target == i && v->action[a].valve) {
             add_valve(&product, &v->action[a]);
@@ -613,13 +644,7 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
         if (!(gain_of(w, i, &list, 0, work, x) > GAINS)) {
             continue;
         }
-        v->column[i].constant = x[0];
-        for (int j = 0; j < v->ncolumn; ++j) {
-            const double deviation = v->column[j].deviation > 0 ? v->column[j].deviation : 1;
-            v->coupling[i][j] = x[1 + j] / deviation;
-            v->column[i].constant -= v->coupling[i][j] * v->column[j].mean;
-        }
-        v->column[i].decay = -v->coupling[i][i];
+        set_couplings(v, i, x);
     }
 }
 
@@ -655,10 +680,14 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         if (action->effect != PM_LOGGER_GAIN) {
             continue;
         }
+        add_known(v, &lever, action->target);
+        add_known(v, &valve, action->target);
+        const int known = lever.count;
         add_positions(v, &lever, y->part, action->input, VALUE, true);
-        action->lever = gain_of(w, action->target, &lever, 0, work, NULL) > GAINS;
+        action->lever = gain_of(w, action->target, &lever, known, work, NULL) > GAINS;
         add_valve(&valve, action);
-        action->valve = y->mate < 0 && gain_of(w, action->target, &valve, 0, work, NULL) > GAINS;
+        action->valve =
+            y->mate < 0 && gain_of(w, action->target, &valve, known, work, NULL) > GAINS;
     }
     correct_leaks(w, work);
     // One valve may move two chambers.
@@ -685,8 +714,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             continue;
         }
         term_list turning = {0};
-        if (y->mate >= 0 && v->column[y->mate].guided) {
-            // Its inertia is constant: what turns is how it moves the position.
+        if (pm_logger_is_rigid(v, i)) {
+            // Its inertia is constant: what turns is how it moves positions or other velocities.
         } else if (y->mate >= 0) {
             // Where energy is kept, squares of velocities are functions of the positions. Terms of
             // forces therefore come first.
@@ -732,10 +761,12 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 continue;
             }
             term_list crank = {0};
+            add_known(v, &crank, i);
+            const int known = crank.count;
             if (y->mate < 0 || other->mate < 0) {
                 add_positions(v, &crank, y->part, j, VALUE, false);
             }
-            v->crank[i][j] = gain_of(w, i, &crank, 0, work, NULL) > GAINS;
+            v->crank[i][j] = gain_of(w, i, &crank, known, work, NULL) > GAINS;
             for (int u = v->nvariable; u < v->ncolumn; ++u) {
                 // Each of the two moves the other.
                 bool one, both;

@@ -705,7 +705,18 @@ static void find_scales(pm_logger_samples *w) {
     for (int rounds = 0; rounds < view->nvariable; ++rounds) {
         int from = -1, to = -1, by = -1;
         bool guided = false;
-        double best = 0;
+        for (int i = 0; i < view->nvariable && !guided; ++i) {
+            for (int j = 0; j < view->nvariable && !guided; ++j) {
+                bool both = view->gyrates[i][j] || view->gyrates[j][i];
+                for (int q = 0; q < view->nvariable && !both; ++q) {
+                    both = pm_logger_guides(view, q, i) && pm_logger_guides(view, q, j);
+                }
+                if (both && known[i] && !known[j]) {
+                    from = i, to = j, guided = true;
+                }
+            }
+        }
+        double best = guided ? INFINITY : 0;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
                 const double share = view->falls[i][j] ? view->share[j][i]
@@ -722,17 +733,6 @@ static void find_scales(pm_logger_samples *w) {
                         rate_of(view, q, j) != 0) {
                         best = both, from = i, to = j, by = q;
                     }
-                }
-            }
-        }
-        for (int i = 0; i < view->nvariable && from < 0; ++i) {
-            for (int j = 0; j < view->nvariable && from < 0; ++j) {
-                bool both = view->gyrates[i][j] || view->gyrates[j][i];
-                for (int q = 0; q < view->nvariable && !both; ++q) {
-                    both = pm_logger_guides(view, q, i) && pm_logger_guides(view, q, j);
-                }
-                if (both && known[i] && !known[j]) {
-                    from = i, to = j, guided = true;
                 }
             }
         }

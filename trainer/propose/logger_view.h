@@ -207,6 +207,16 @@ static inline bool pm_logger_guides(const pm_logger_view *view, int q, int v) {
     return found;
 }
 
+// Returns true if the inertia of velocity v is constant, since it guides positions or turns into
+// other velocities.
+static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
+    bool found = false;
+    for (int k = 0; k < view->nvariable; ++k) {
+        found = found || view->gyrates[v][k] || view->gyrates[k][v] || pm_logger_guides(view, k, v);
+    }
+    return found;
+}
+
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
     return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;
