@@ -50,6 +50,12 @@ static void describe(const pm_logger_view *v) {
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
+        for (int k = 0; k < v->ncarrier; ++k) {
+            if (v->carrier[k].flow == c) {
+                printf(", which carries entropy between %s and %s",
+                       v->column[v->carrier[k].from].name, v->column[v->carrier[k].to].name);
+            }
+        }
         for (int j = 0, some = 0; j < v->nvariable && column->guided; ++j) {
             if (pm_logger_guides(v, c, j)) {
                 printf("%s %s", some++ == 0 ? ", moved where other positions point by" : " and",

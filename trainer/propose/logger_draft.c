@@ -359,6 +359,11 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     acts =
                         acts || (v->column[j].part == parts[1 - end] && pm_logger_joins(v, i, j));
                 }
+                for (int n = 0; n < v->ncarrier; ++n) {
+                    const pm_logger_carrier *c = &v->carrier[n];
+                    acts = acts || ((c->flow == i || c->from == i || c->to == i) &&
+                                    pm_logger_carries(v, c, parts[0], parts[1]));
+                }
                 for (int n = 0; n < v->nguide; ++n) { // angles that tell how
                     const pm_logger_guide *g = &v->guide[n];
                     const int one = v->column[g->position].part;
@@ -612,6 +617,13 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                             (a->inertia * v->coupling[i][j] - b->inertia * v->coupling[j][i]) / 2,
                             pm_logger_between(w, a, b)));
                 }
+            }
+        }
+        for (int k = 0; k < v->ncarrier && thermal == 0; ++k) {
+            if (pm_logger_carries(v, &v->carrier[k], parts[0], parts[1])) {
+                fputs(some ? ", " : "    reversible: {given: [", w->model);
+                pm_logger_write_carrier(w, &v->carrier[k], parts);
+                some = true;
             }
         }
         fputs(some ? "]}\n" : "", w->model);

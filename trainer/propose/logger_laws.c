@@ -563,6 +563,26 @@ static void write_gyration(pm_logger_writer *w, int i, int j) {
     }
 }
 
+void pm_logger_write_carrier(pm_logger_writer *w, const pm_logger_carrier *carrier,
+                             const int *parts) {
+    const int member[] = {carrier->flow, carrier->from, carrier->to};
+    char name[3][PM_LOGGER_TEXT], both[PM_LOGGER_TEXT];
+    for (int k = 0; k < 3; ++k) {
+        const pm_logger_column *c = &w->v->column[member[k]];
+        snprintf(name[k], sizeof name[k], "%s%.40s",
+                 parts == NULL         ? ""
+                 : c->part == parts[0] ? "a."
+                                       : "b.",
+                 c->name);
+    }
+    snprintf(both, sizeof both, "%.30s_%.30s_%.30s", w->v->column[carrier->flow].name,
+             w->v->column[carrier->from].name, w->v->column[carrier->to].name);
+    const char *carried =
+        pm_logger_number(w, "carried", both, carrier->entropy, fabs(carrier->entropy));
+    fprintf(w->model, "[%s, %s, \"%s\"], [%s, %s, \"-%s\"]", name[0], name[1], carried, name[0],
+            name[2], carried);
+}
+
 // Writes what couples positions with velocities, and co-energies of different kinds.
 void pm_logger_write_reversible(pm_logger_writer *w, int part) {
     bool some = false;
@@ -623,6 +643,13 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                 fputs("\"]", w->model);
                 some = true;
             }
+        }
+    }
+    for (int k = 0; k < w->v->ncarrier; ++k) {
+        if (pm_logger_carries(w->v, &w->v->carrier[k], part, part)) {
+            fputs(some ? ", " : "    reversible: {given: [", w->model);
+            pm_logger_write_carrier(w, &w->v->carrier[k], NULL);
+            some = true;
         }
     }
     fputs(some ? "]}\n" : "", w->model);

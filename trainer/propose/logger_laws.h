@@ -108,6 +108,10 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part);
 // these have the prefixes of the two parts; parts is NULL in a part.
 void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts);
 
+// Writes the two pairs by which a flow carries entropy. parts is as above.
+void pm_logger_write_carrier(pm_logger_writer *w, const pm_logger_carrier *carrier,
+                             const int *parts);
+
 // Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
 // are the names of the groups with their prefixes, dx and dy those of their co-energies. The
 // conductance is the sum of a constant, of that of radiation, and of that of natural convection,

@@ -15,6 +15,7 @@
 #define BESIDE 0.1      // of the best target's: other targets have such a share, at least
 #define MOVES 1e-3      // of the changes: a part that explains less does not move another one
 #define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
+#define ALIKE 0.3       // of two coefficients: they are opposite if their sum is smaller
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
 #define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
 #define CLEAR 8.0       // times its noise: a column changes clearly
@@ -669,6 +670,39 @@ static double rate_of(const pm_logger_view *view, int q, int v) {
     return own ? c->ratio : view->moves[q][v];
 }
 
+// Returns how variable j changes i if it does so beside all others, 0 otherwise.
+static double answer(const pm_logger_view *view, int i, int j) {
+    return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
+}
+
+// Finds flows that carry entropy: a difference of two temperatures drives the flow, which cools one
+// and warms the other.
+static void find_carriers(pm_logger_view *view) {
+    for (int i = 0; i < view->nvariable; ++i) {
+        for (int a = 0; a < view->nvariable && view->column[i].kind == PM_LOGGER_FLOW; ++a) {
+            for (int b = 0; b < view->nvariable; ++b) {
+                const double to = answer(view, i, a), from = answer(view, i, b);
+                const pm_logger_carrier c = {i, a, b, to * view->column[i].inertia};
+                const int one = view->column[a].part, own = view->column[i].part;
+                const int other = view->column[b].part != one ? view->column[b].part : own;
+                if (view->column[a].kind == PM_LOGGER_TEMPERATURE &&
+                    view->column[b].kind == PM_LOGGER_TEMPERATURE && to > 0 && from < 0 &&
+                    fabs(to + from) < ALIKE * (to - from) && answer(view, a, i) < 0 &&
+                    answer(view, b, i) > 0 && pm_logger_carries(view, &c, one, other) &&
+                    pm_logger_meets(view, one, other) && view->ncarrier < PM_LOGGER_CARRIERS) {
+                    view->carrier[view->ncarrier++] = c;
+                    // Entropy times temperature is heat.
+                    view->column[a].inertia =
+                        -c.entropy * view->column[a].mean / view->coupling[a][i];
+                    view->column[b].inertia =
+                        c.entropy * view->column[b].mean / view->coupling[b][i];
+                    view->column[a].free_scale = view->column[b].free_scale = false;
+                }
+            }
+        }
+    }
+}
+
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {
@@ -1097,6 +1131,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);
+    find_carriers(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
     leave_idle_ports(view);
     find_surroundings(view);

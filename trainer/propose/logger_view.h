@@ -16,6 +16,7 @@
 #define PM_LOGGER_PARTS 8
 #define PM_LOGGER_ACTIONS 64
 #define PM_LOGGER_GUIDES 96
+#define PM_LOGGER_CARRIERS 8
 #define PM_LOGGER_COLDEST 200.0 // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
@@ -125,6 +126,13 @@ typedef struct pm_logger_guide {
     double factor;
 } pm_logger_guide;
 
+// A flow that carries entropy from one temperature to another, as an electric current does between
+// two metals. `entropy` is what a unit of it carries, with which a fit begins.
+typedef struct pm_logger_carrier {
+    int flow, from, to;
+    double entropy;
+} pm_logger_carrier;
+
 typedef struct pm_logger_view {
     pm_arena arena;            // owns all that follows
     const pm_dataset *dataset; // borrowed
@@ -161,6 +169,8 @@ typedef struct pm_logger_view {
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
     // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
     bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    int ncarrier;
+    pm_logger_carrier carrier[PM_LOGGER_CARRIERS];
     int nguide;
     pm_logger_guide guide[PM_LOGGER_GUIDES];
     // What regressions on products of columns show (logger_terms.h).
@@ -220,6 +230,20 @@ static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
     return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;
+}
+
+// Returns true if a carrier acts through the port of two parts, or, for one == other, in a part.
+static inline bool pm_logger_carries(const pm_logger_view *view, const pm_logger_carrier *c,
+                                     int one, int other) {
+    bool first = false, second = false, none = false;
+    const int members[] = {c->flow, c->from, c->to};
+    for (int k = 0; k < 3; ++k) {
+        const int part = view->column[members[k]].part;
+        first = first || part == one;
+        second = second || part == other;
+        none = none || (part != one && part != other);
+    }
+    return first && second && !none;
 }
 
 // What the user says about the columns.
