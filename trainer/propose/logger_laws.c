@@ -230,7 +230,8 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
 
 // Writes C: the co-energy of velocities, temperatures and the like.
 void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
-    const bool bends = w->chosen[PM_LOGGER_CAPACITY] == LEARNED_CAPACITY;
+    const int capacity = w->chosen[PM_LOGGER_CAPACITY];
+    const bool bends = capacity != CONSTANT_CAPACITY;
     bool some = false, shared = false;
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *y = &w->v->column[c];
@@ -274,7 +275,8 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 pm_logger_constant(w, "wider", y->name, SMALL * own);
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
-            } else if (bends && !pm_logger_is_velocity(y) && y->relaxes == 0) {
+            } else if (bends && (y->bent || capacity == LEARNED_CAPACITY) &&
+                       !pm_logger_is_velocity(y) && y->relaxes == 0) {
                 write_bends(w, y, own);
             }
         }
@@ -775,7 +777,9 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
     pm_logger_column drop = *y;
     const pm_unit pressure = pm_unit_parse("Pa");
     const double d = fmax(fabs(y->least), fabs(y->largest)), dry = DRY * y->deviation;
-    const int law = w->chosen[PM_LOGGER_FRICTION];
+    const int chosen = w->chosen[PM_LOGGER_FRICTION];
+    const int shown = !y->damped ? LINEAR_FRICTION : !y->curved ? DRY_FRICTION : BENT_FRICTION;
+    const int law = chosen == BENT_FRICTION && other == NULL ? shown : chosen;
     pm_logger_constant(w, "linear", name, start);
     fprintf(w->model, "(linear_%s", name);
     if (law <= QUADRATIC_FRICTION) {
@@ -784,10 +788,8 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         fprintf(w->model,
                 one ? " + quadratic_%s*|%s|/%.4g" : " + quadratic_%s*sqrt((%s)^2 + %.4g)/%.4g",
                 name, x, one ? d : dry * dry, d);
-        if (pm_logger_is_velocity(y)) {
-            pm_logger_constant(w, "cubic", name, SMALL * start);
-            fprintf(w->model, " + cubic_%s*(%s)^2/%.4g", name, x, d * d);
-        }
+        pm_logger_constant(w, "cubic", name, SMALL * start);
+        fprintf(w->model, " + cubic_%s*(%s)^2/%.4g", name, x, d * d);
     }
     if (law <= DRY_FRICTION) {
         // Steps of dt must resolve how friction changes at rest, else the fit begins unstable.

@@ -17,10 +17,14 @@
 #define ROUND 0.05      // a factor that differs by less from 1, where units allow it, is 1
 #define NEEDED 1.1      // times the rest: a guide is needed if it becomes larger without it
 #define NEGLIGIBLE 1e-5 // of the changes: what explains less is not needed
+#define AT_REST 0.03    // of the largest value: below it a sign is smooth
+#define FAINT 3e-5      // of the changes: a dependence on itself that explains less is none
+#define SHOWN 5e-3      // likewise, of what other terms leave
+#define DAMPED 10       // times what chance would explain
 #define PUSHES 0.1      // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
-typedef enum atom_kind { ONE, VALUE, SIZE, SQUARE, AWAY, SINE, COSINE } atom_kind;
+typedef enum atom_kind { ONE, VALUE, SIZE, SIGN, SQUARE, AWAY, SINE, COSINE } atom_kind;
 
 typedef struct atom {
     int column;
@@ -48,6 +52,8 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
         return 1;
     case SIZE:
         return fabs(y);
+    case SIGN:
+        return y / sqrt(y * y + AT_REST * AT_REST);
     case SINE:
         return sin(a.harmonic * raw + a.sign * row[a.other]);
     case COSINE:
@@ -606,6 +612,48 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
     return gain > GAINS;
 }
 
+// Finds whether co-energy i is damped, by a resistance that depends on it, and whether its
+// inductance or capacity, which divides all that moves it, depends on it. What nobody measures may
+// be all of that.
+static void find_bends(const pm_logger_samples *w, int i, equations *work) {
+    const pm_logger_view *v = w->view;
+    pm_logger_column *y = &w->view->column[i];
+    term_list terms = {0};
+    double x[MOST];
+    bool keep[MOST];
+    const bool hidden = y->source == NULL;
+    add_known(v, &terms, i);
+    const int friction = terms.count;
+    add_term(&terms, i, SIGN, i, ONE);
+    add_term(&terms, i, VALUE, i, SIZE);
+    add_term(&terms, i, VALUE, i, SQUARE);
+    const int divided = terms.count;
+    for (int j = 0; j < v->ncolumn; ++j) {
+        if (j != i && v->share[i][j] > GAINS && v->column[j].kind != PM_LOGGER_POSITION) {
+            add_term(&terms, j, VALUE, i, VALUE);
+            add_term(&terms, j, VALUE, i, SQUARE);
+        }
+    }
+    set_equations(w, i, true, &terms, work);
+    const int base = 1 + v->ncolumn;
+    double rest[4]; // of all, without friction that depends on i, without any, without what divides
+    for (int k = 0; k < 4; ++k) {
+        for (int t = 0; t < work->n; ++t) {
+            const bool own = t == 1 + i;
+            const bool loses = t >= base + friction && t < base + divided;
+            const bool divides = t >= base + divided;
+            keep[t] = !(k == 1 && loses) && !(k == 2 && (loses || own)) && !(k == 3 && divides);
+        }
+        rest[k] = rest_of_some(work, keep, work + 2, x);
+    }
+    const double least = fmax(FAINT, SHOWN * rest[0]);
+    // Chance explains one part of so many windows.
+    const double chance = rest[0] / (work->count > 0 ? work->count : 1);
+    y->curved = hidden || rest[1] - rest[0] > least;
+    y->damped = y->curved || rest[2] - rest[0] > DAMPED * chance;
+    y->bent = hidden || rest[3] - rest[0] > least;
+}
+
 // An input that warms a temperature may rather set how well heat is conducted away: then the
 // temperature falls the faster, the warmer it is.
 static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, equations *work) {
@@ -650,7 +698,7 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
 
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
-    equations *work = pm_arena_array(&v->arena, 2, sizeof *work);
+    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
     for (int c = 0; c < v->nvariable; ++c) {
         v->column[c].harmonics = FEWEST_HARMONICS;
@@ -713,6 +761,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         if (y->kind != PM_LOGGER_FLOW || y->relaxes > 0) {
             continue;
         }
+        find_bends(w, i, work);
         term_list turning = {0};
         if (pm_logger_is_rigid(v, i)) {
             // Its inertia is constant: what turns is how it moves positions or other velocities.

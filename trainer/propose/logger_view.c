@@ -15,6 +15,8 @@
 #define BESIDE 0.1      // of the best target's: other targets have such a share, at least
 #define MOVES 1e-3      // of the changes: a part that explains less does not move another one
 #define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
+#define FAINT 1e-4      // likewise, if it is more than this part of what all leave unexplained:
+#define NOTABLE 0.2
 #define ALIKE 0.3       // of two coefficients: they are opposite if their sum is smaller
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
 #define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
@@ -891,12 +893,18 @@ static pm_status read_parts(pm_logger_view *view, const pm_logger_hints *hints) 
     return PM_OK;
 }
 
+// Returns true if variable j changes i: it explains a part of its changes, or a part of what all
+// columns leave unexplained, as a weak friction does.
+static bool changes(const pm_logger_view *view, int i, int j) {
+    const double share = view->share[i][j];
+    return share > COUPLED || share > fmax(FAINT, NOTABLE * view->column[i].unexplained);
+}
+
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind) {
     const pm_logger_column *a = &view->column[i], *b = &view->column[j];
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
-           (same || a->mate < 0 || b->mate < 0) &&
-           fmax(view->share[i][j], view->share[j][i]) > COUPLED;
+           (same || a->mate < 0 || b->mate < 0) && (changes(view, i, j) || changes(view, j, i));
 }
 
 bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
