@@ -248,11 +248,10 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
 
 // Tries other laws beside the best guesses: those that may explain more than the first ones.
 static pm_status find_laws(hidden_search *s) {
-    static const int richer[][2] = {{PM_LOGGER_FRICTION, WAVY_FRICTION},
-                                    {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
-                                    {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
-                                    {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
-                                    {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+    static const int richer[][2] = {
+        {PM_LOGGER_FRICTION, WAVY_FRICTION},      {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
+        {PM_LOGGER_INERTIA, LEARNED_INERTIA},     {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
+        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int from = s->count;
     if (explains(s) || s->used >= s->hints->budget) {
         return PM_OK;

@@ -76,17 +76,28 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
     w->constants = w->body = NULL;
 }
 
-// Adds a positive learned constant "<kind>_<name>" to the model.
+// Returns true if the model has a constant "<kind>_<name>".
+static bool has_constant(pm_logger_writer *w, const char *kind, const char *name) {
+    char line[3 * PM_LOGGER_TEXT];
+    snprintf(line, sizeof line, " %s_%s: ", kind, name);
+    return fflush(w->list) == 0 && w->constants != NULL && strstr(w->constants, line) != NULL;
+}
+
+// Adds a positive learned constant "<kind>_<name>" to the model, unless it is there.
 void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start) {
-    fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true}\n", kind, name,
-            fmax(fabs(start), LEAST_CONSTANT));
+    if (!has_constant(w, kind, name)) {
+        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true}\n", kind, name,
+                fmax(fabs(start), LEAST_CONSTANT));
+    }
 }
 
 const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *name, double start,
                              double size) {
     char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
     const double scale = size > 0 && isfinite(size) ? pow(DECADE, round(log10(size))) : 1;
-    fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name, start / scale);
+    if (!has_constant(w, kind, name)) {
+        fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name, start / scale);
+    }
     snprintf(text, PM_LOGGER_TEXT, "%.6g*%.20s_%.90s", scale, kind, name);
     return text;
 }
@@ -98,14 +109,23 @@ static double energy_of(const pm_logger_column *y) {
 // Returns true if an inertia of this part may depend on its positions: it is that of their rates.
 // Where positions are guided instead, how they move depends on positions, and inertias do not.
 static bool shares_inertia(const pm_logger_writer *w, int c) {
-    const pm_logger_column *y = &w->v->column[c];
-    bool guided = false;
-    for (int q = 0; q < w->v->nvariable; ++q) {
-        guided = guided || (w->v->column[q].part == y->part && w->v->column[q].guided);
+    const pm_logger_view *v = w->v;
+    const pm_logger_column *y = &v->column[c];
+    const int chosen = w->chosen[PM_LOGGER_INERTIA];
+    bool guided = false, shown = false;
+    for (int q = 0; q < v->nvariable; ++q) {
+        const bool own = pm_logger_is(v, q, y->part, PM_LOGGER_POSITION);
+        guided = guided || (own && v->column[q].guided);
+        shown = shown || (own && v->column[q].angle);
     }
-    return w->chosen[PM_LOGGER_INERTIA] == LEARNED_INERTIA && y->mate >= 0 &&
+    for (int a = 0; a < v->naction; ++a) { // a force that acts on one of them moves another one
+        const pm_logger_column *target = &v->column[v->action[a].target];
+        shown = shown || (v->action[a].effect == PM_LOGGER_GAIN && target->mate >= 0 &&
+                          target->part == y->part);
+    }
+    return (chosen == LEARNED_INERTIA || (chosen == SHOWN_INERTIA && shown)) && y->mate >= 0 &&
            y->kind == PM_LOGGER_FLOW && !guided &&
-           pm_logger_count(w->v, y->part, PM_LOGGER_POSITION) > 1;
+           pm_logger_count(v, y->part, PM_LOGGER_POSITION) > 1;
 }
 
 // Writes features of all positions of a part: sine and cosine of angles, and other positions.
@@ -281,6 +301,26 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             }
         }
     }
+    for (int q = 0; q < w->v->nvariable; ++q) {
+        for (int t = 0; t < w->v->nvariable; ++t) {
+            const pm_logger_column *x = &w->v->column[q], *T = &w->v->column[t];
+            if (x->part != part || !w->v->expands[q][t]) {
+                continue;
+            }
+            char both[PM_LOGGER_TEXT];
+            snprintf(both, sizeof both, "%.40s_%.40s", x->name, T->name);
+            const double size = T->inertia * T->deviation / T->mean;
+            fprintf(w->model, "      - \"%s*(%s*(%s - %.6g)/%.6g", T->name,
+                    pm_logger_number(w, "expands", both, 0, size), x->name, x->mean, x->deviation);
+            fprintf(w->model, " + %s*((%s - %.6g)/%.6g)^2",
+                    pm_logger_number(w, "widens", both, 0, size), x->name, x->mean, x->deviation);
+            if (x->least > 0) { // a volume
+                fprintf(w->model, " + %s*ln(%s/%.6g)", pm_logger_number(w, "fills", both, 0, size),
+                        x->name, x->mean);
+            }
+            fputs(")\"\n", w->model);
+        }
+    }
     if (shared) {
         double first = 0;
         bool listed = false;
@@ -339,6 +379,56 @@ static bool has_spring(const pm_logger_view *v, int i, int j) {
     const pm_logger_column *a = &v->column[i], *b = &v->column[j];
     return a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
            (!a->angle || v->apart[i][j] < PM_LOGGER_TURN);
+}
+
+// Writes the energies of lengths that store energy together: functions of a distance to a learned
+// place, which may be elliptic.
+static void write_central(pm_logger_writer *w, int part) {
+    const pm_logger_view *v = w->v;
+    for (int q = 0; q < v->nvariable; ++q) {
+        bool some = false;
+        double d = 0;
+        for (int r = q; r < v->nvariable; ++r) {
+            const pm_logger_column *x = &v->column[r];
+            const bool own = pm_logger_is(v, r, part, PM_LOGGER_POSITION);
+            if (own && pm_logger_leader(v, r) == q && (r == q || v->central[q][r])) {
+                d = fmax(d, fmax(fabs(x->least), fabs(x->largest)));
+                some = some || r > q;
+            }
+        }
+        if (!some) {
+            continue;
+        }
+        char distance[4 * PM_LOGGER_LONG_TEXT] = "sqrt(";
+        size_t n = strlen(distance);
+        for (int r = q; r < v->nvariable && n < sizeof distance; ++r) {
+            const pm_logger_column *x = &v->column[r];
+            if (r == q || v->central[q][r]) {
+                const char *place = pm_logger_number(w, "away", x->name, 0, x->deviation);
+                n += (size_t)snprintf(distance + n, sizeof distance - n, "%s(%s - %s)^2",
+                                      r > q ? " + " : "", x->name, place);
+                if (r > q && n < sizeof distance) {
+                    pm_logger_constant(w, "aspect", x->name, 1);
+                    n += (size_t)snprintf(distance + n, sizeof distance - n, "*aspect_%.40s",
+                                          x->name);
+                }
+            }
+        }
+        const char *name = v->column[q].name;
+        const double size = energy_of(&v->column[v->column[q].mate]);
+        pm_logger_constant(w, "core", name, SMALL * d);
+        if (n < sizeof distance) {
+            snprintf(distance + n, sizeof distance - n, " + core_%.40s^2)/%.6g", name, d);
+        }
+        static const char *const kinds[] = {"radius1", "radius2", "radius3", "radius4", "radius5"};
+        fputs("      - \"", w->model);
+        for (int k = 0; k < 4; ++k) {
+            fprintf(w->model, "%s%s*(%s)^%d", k > 0 ? " + " : "",
+                    pm_logger_number(w, kinds[k], name, 0, size), distance, k + 1);
+        }
+        fprintf(w->model, " + %s*ln(%s)\"\n", pm_logger_number(w, kinds[4], name, 0, size),
+                distance);
+    }
 }
 
 // Writes V, the energy of positions.
@@ -450,6 +540,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         }
         fputs("\"\n", w->model);
     }
+    write_central(w, part);
     // What two positions store together: a spring between them, angles that add up, or a weight
     // that slides along a rod.
     for (int i = 0; i < w->v->nvariable; ++i) {
@@ -482,20 +573,6 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                         pm_logger_number(w, "both", both, 0, size), a->name,
                         fmax(fabs(a->least), fabs(a->largest)), b->name,
                         fmax(fabs(b->least), fabs(b->largest)));
-            }
-            if (w->v->central[i][j]) {
-                const double d = fmax(fmax(fabs(a->least), fabs(a->largest)),
-                                      fmax(fabs(b->least), fabs(b->largest)));
-                fprintf(w->model, "      - \"%s*(%s/%.6g)^2*(%s/%.6g)^2",
-                        pm_logger_number(w, "square", both, 0, size), a->name, d, b->name, d);
-                pm_logger_constant(w, "aspect", both, 1);
-                pm_logger_constant(w, "core", both, d);
-                const char *radius = pm_logger_number(w, "radius", both, 0, size);
-                const char *across = pm_logger_number(w, "across", both, 0, a->deviation);
-                const char *along = pm_logger_number(w, "along", both, 0, b->deviation);
-                fprintf(w->model,
-                        " + %s/%.6g*sqrt((%s - %s)^2 + aspect_%s*(%s - %s)^2 + core_%s^2)\"\n",
-                        radius, d, a->name, across, both, b->name, along, both);
             }
             if (has_spring(w->v, i, j)) {
                 const double d = w->v->apart[i][j];
@@ -550,7 +627,7 @@ void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts) 
 // Writes the factor by which velocities i and j turn into each other: a sum over velocities.
 static void write_gyration(pm_logger_writer *w, int i, int j) {
     const pm_logger_view *v = w->v;
-    for (int k = 0; k < v->nvariable; ++k) {
+    for (int k = 0; k < v->nvariable && v->gyrates[i][j]; ++k) {
         const pm_logger_column *y = &v->column[k];
         if (pm_logger_is_velocity(y) && y->part == v->column[i].part) {
             char name[PM_LOGGER_TEXT];
@@ -622,9 +699,15 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                         a->name, b->name, rate);
                 some = true;
             }
-            if (b->part == part && w->v->gyrates[i][j]) {
-                fprintf(w->model, "%s[%s, %s, \"0", some ? ", " : "    reversible: {given: [",
-                        a->name, b->name);
+            if (b->part == part && (w->v->gyrates[i][j] || w->v->circles[i][j])) {
+                char both[PM_LOGGER_TEXT];
+                snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
+                fprintf(
+                    w->model, "%s[%s, %s, \"%s", some ? ", " : "    reversible: {given: [", a->name,
+                    b->name,
+                    pm_logger_number(w, "circling", both,
+                                     w->v->circles[i][j] ? a->inertia * w->v->coupling[i][j] : 0,
+                                     pm_logger_between(w, a, b)));
                 write_gyration(w, i, j);
                 fputs("\"]", w->model);
                 some = true;
@@ -821,15 +904,46 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
     }
 }
 
+// Writes to `x` the speed of the velocities whose positions store energy together, as drag depends
+// on it, and returns the first of them. Of other velocities x is the velocity itself.
+static const pm_logger_column *write_speed(const pm_logger_writer *w, int c, const char *of,
+                                           char *x, size_t size) {
+    const pm_logger_view *v = w->v;
+    const pm_logger_column *y = &v->column[c], *first = y;
+    size_t n = 0;
+    for (int q = 0; q < v->nvariable && y->mate >= 0 && n < size; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        const bool own = place->kind == PM_LOGGER_POSITION && place->part == y->part &&
+                         pm_logger_leader(v, q) == pm_logger_leader(v, y->mate) && !place->guided;
+        if (own && w->chosen[PM_LOGGER_FRICTION] != WAVY_FRICTION) {
+            first = n == 0 ? &v->column[place->mate] : first;
+            n += (size_t)snprintf(x + n, size - n, "%s%s%.40s^2", n == 0 ? "sqrt(" : " + ", of,
+                                  v->column[place->mate].name);
+        }
+    }
+    if (first == y && strchr(x, '+') == NULL) {
+        snprintf(x, size, "%s%.40s", of, y->name);
+    } else if (n < size) {
+        const double rest = DRY * first->deviation;
+        snprintf(x + n, size - n, " + %.4g)", rest * rest);
+    }
+    return first;
+}
+
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to) {
-    const pm_logger_column *y = &w->v->column[c];
+    char x[4 * PM_LOGGER_TEXT] = "", name[PM_LOGGER_TEXT];
+    const pm_logger_column *y = write_speed(w, c, of, x, sizeof x);
     const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
-    char x[PM_LOGGER_TEXT], name[PM_LOGGER_TEXT];
-    snprintf(x, sizeof x, "%s%.40s", of, y->name);
     snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
              t < 0 ? "" : w->v->column[t].name);
-    fprintf(w->model, "[%s, %s%s, \"", x, to, t < 0 ? "s" : w->v->column[t].name);
-    pm_logger_write_resistance(w, name, x, y, NULL, start);
+    fprintf(w->model, "[%s%s, %s%s, \"", of, w->v->column[c].name, to,
+            t < 0 ? "s" : w->v->column[t].name);
+    // What does not heat a thermometer of its part is one more constant: its law is known.
+    pm_logger_column law = *y;
+    for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
+        law.damped = law.damped && !w->v->warms[c][k];
+    }
+    pm_logger_write_resistance(w, name, x, &law, NULL, start);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
         fputs("*exp(0", w->model);
         write_lever(w, name, of, y->part, true, y->mate, 1);

@@ -359,9 +359,16 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
         return;
     }
     place->kind = PM_LOGGER_POSITION;
-    place->guided = true;
     place->mate = mate;
     place->ratio = 1;
+    place->guided = false;
+    for (int k = 0; k < v->nguide; ++k) {
+        place->guided = place->guided || (v->guide[k].position == q && v->guide[k].function != '1');
+    }
+    while (!place->guided && v->nguide > 0 && v->guide[v->nguide - 1].position == q) {
+        const pm_logger_guide *g = &v->guide[--v->nguide]; // nothing turns
+        *(g->velocity == mate ? &place->ratio : &v->moves[q][g->velocity]) = g->factor;
+    }
     place->waves = place->angle;
     v->column[mate].mate = v->column[mate].mate < 0 ? q : v->column[mate].mate;
 }
@@ -383,10 +390,11 @@ pm_status pm_logger_find_guides(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
-    const pm_unit length = pm_unit_parse("m");
+    const pm_unit length = pm_unit_parse("m"), volume = pm_unit_parse("m^3");
     for (int q = 0; q < v->nvariable; ++q) {
         const pm_logger_column *place = &v->column[q];
-        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length))) {
+        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length) ||
+                                pm_unit_equal(&place->dimension, &volume))) {
             find_guide(w, q, work);
         }
     }
@@ -621,7 +629,8 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     term_list terms = {0};
     double x[MOST];
     bool keep[MOST];
-    const bool hidden = y->source == NULL;
+    // Forces of positions hide how a velocity is damped.
+    const bool hidden = y->source == NULL || y->mate >= 0;
     add_known(v, &terms, i);
     const int friction = terms.count;
     add_term(&terms, i, SIGN, i, ONE);
@@ -694,6 +703,15 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
         }
         set_couplings(v, i, x);
     }
+}
+
+// Returns true if a length stores energy together with another one.
+static bool stores_with_others(const pm_logger_view *v, int q) {
+    bool found = false;
+    for (int r = 0; r < v->nvariable; ++r) {
+        found = found || v->central[q][r] || v->central[r][q];
+    }
+    return found;
 }
 
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
@@ -778,7 +796,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             } else {
                 add_term(&turning, i, SQUARE, y->mate, VALUE);
             }
-            v->turns[i] = gain_of(w, i, &turning, forces, work, NULL) > GAINS;
+            v->turns[i] = !stores_with_others(v, y->mate) &&
+                          gain_of(w, i, &turning, forces, work, NULL) > GAINS;
             if (v->turns[i] && v->column[y->mate].angle) {
                 find_harmonics(w, i, work);
             }
@@ -834,7 +853,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 double x[MOST] = {0};
                 add_term(&heat, i, SIZE, i, SIZE);
                 const double gain = gain_of(w, t, &heat, 0, work, x), rise = x[work->n - 1];
-                v->warms[i][t] = gain > GAINS && rise > 0;
+                v->warms[i][t] = rise > 0 && (gain > GAINS || y->part == v->column[t].part);
                 if (v->warms[i][t] && v->column[t].free_scale) {
                     // The power of the loss gives the scale of all capacities.
                     const double size = fmax(fabs(y->least), fabs(y->largest));

@@ -705,6 +705,35 @@ static void find_carriers(pm_logger_view *view) {
     }
 }
 
+// Finds positions on which the entropy of a temperature of their part depends: the temperature
+// changes with the velocity, and the velocity with the temperature. This makes heat and motion
+// energies of one unit.
+static void find_expansion(pm_logger_view *view) {
+    for (int q = 0; q < view->nvariable; ++q) {
+        const int i = view->column[q].mate;
+        for (int t = 0; t < view->nvariable; ++t) {
+            pm_logger_column *T = &view->column[t];
+            if (view->column[q].kind != PM_LOGGER_POSITION || T->kind != PM_LOGGER_TEMPERATURE ||
+                T->part != view->column[q].part || T->source == NULL) {
+                continue;
+            }
+            const double cools = answer(view, t, i), pushes = answer(view, i, t);
+            view->expands[q][t] = cools * pushes < 0;
+            const double moved = T->inertia * fabs(cools / (T->mean * pushes));
+            const double ratio = moved / view->column[i].inertia;
+            const bool heat = T->free_scale;
+            if (view->expands[q][t] && (heat || view->column[i].free_scale)) {
+                for (int k = 0; k < view->nvariable; ++k) {
+                    pm_logger_column *y = &view->column[k];
+                    const bool thermal = y->kind == PM_LOGGER_TEMPERATURE;
+                    y->inertia *= thermal != heat ? 1 : heat ? 1 / ratio : ratio;
+                    y->free_scale = y->free_scale && thermal != heat;
+                }
+            }
+        }
+    }
+}
+
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {
@@ -743,7 +772,8 @@ static void find_scales(pm_logger_samples *w) {
         bool guided = false;
         for (int i = 0; i < view->nvariable && !guided; ++i) {
             for (int j = 0; j < view->nvariable && !guided; ++j) {
-                bool both = view->gyrates[i][j] || view->gyrates[j][i];
+                bool both = view->gyrates[i][j] || view->gyrates[j][i] || view->circles[i][j] ||
+                            view->circles[j][i];
                 for (int q = 0; q < view->nvariable && !both; ++q) {
                     both = pm_logger_guides(view, q, i) && pm_logger_guides(view, q, j);
                 }
@@ -915,6 +945,20 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
             view->moves[i][j] != 0 || view->moves[j][i] != 0 || pm_logger_guides(view, i, j) ||
             pm_logger_guides(view, j, i) || pm_logger_is_coupled(view, i, j, false) ||
             pm_logger_is_coupled(view, i, j, true));
+}
+
+// Finds velocities of a part that turn into each other by a constant: each changes the other one,
+// with opposite signs.
+static void find_circles(pm_logger_view *view) {
+    for (int i = 0; i < view->nvariable; ++i) {
+        for (int j = i + 1; j < view->nvariable; ++j) {
+            const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+            view->circles[i][j] = a->part == b->part && pm_logger_is_velocity(a) &&
+                                  pm_unit_equal(&a->dimension, &b->dimension) &&
+                                  changes(view, i, j) && changes(view, j, i) &&
+                                  view->coupling[i][j] * view->coupling[j][i] < 0;
+        }
+    }
 }
 
 // Finds the ports: those of the hints, or between parts of which one moves the other.
@@ -1136,10 +1180,12 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
                 measured && column->kind == PM_LOGGER_TEMPERATURE ? c : view->thermometer[i];
         }
     }
+    find_circles(view);
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);
     find_carriers(view);
+    find_expansion(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
     leave_idle_ports(view);
     find_surroundings(view);

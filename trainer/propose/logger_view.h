@@ -172,6 +172,8 @@ typedef struct pm_logger_view {
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
     // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
     bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [q][T] the entropy of temperature T depends on position q, as that of a gas on its volume.
+    bool expands[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     int ncarrier;
     pm_logger_carrier carrier[PM_LOGGER_CARRIERS];
     int nguide;
@@ -185,6 +187,8 @@ typedef struct pm_logger_view {
     // [i][j] velocities i and j turn into each other by a factor that depends on velocities, as
     // those of a rigid body.
     bool gyrates[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // Likewise, by a constant factor, as those of a charge in a magnetic field.
+    bool circles[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
@@ -218,6 +222,15 @@ static inline bool pm_logger_guides(const pm_logger_view *view, int q, int v) {
         found = found || (view->guide[k].position == q && view->guide[k].velocity == v);
     }
     return found;
+}
+
+// Returns the first of the lengths that store energy together with position q, or q.
+static inline int pm_logger_leader(const pm_logger_view *view, int q) {
+    int first = 0;
+    while (first < q && !view->central[first][q]) {
+        ++first;
+    }
+    return first;
 }
 
 // Returns true if the inertia of velocity v is constant, since it guides positions or turns into
