@@ -677,6 +677,26 @@ static double answer(const pm_logger_view *view, int i, int j) {
     return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
 }
 
+// Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
+// by `cools`. This fixes how large the inertias of flows are beside the capacities of temperatures.
+// What nothing shows yet follows.
+static void join_scales(pm_logger_view *view, int i, int t, double pushes, double cools) {
+    const pm_logger_column *T = &view->column[t];
+    const double moved = T->inertia * fabs(cools / (T->mean * pushes));
+    const double ratio = moved / view->column[i].inertia;
+    const bool heat = T->free_scale;
+    if (!heat && !view->column[i].free_scale) {
+        return;
+    }
+    for (int k = 0; k < view->nvariable; ++k) {
+        pm_logger_column *y = &view->column[k];
+        if ((y->kind == PM_LOGGER_TEMPERATURE) == heat && y->kind != PM_LOGGER_POSITION) {
+            y->inertia *= heat ? 1 / ratio : ratio;
+            y->free_scale = false;
+        }
+    }
+}
+
 // Finds flows that carry entropy: a difference of two temperatures drives the flow, which cools one
 // and warms the other.
 static void find_carriers(pm_logger_view *view) {
@@ -692,13 +712,14 @@ static void find_carriers(pm_logger_view *view) {
                     fabs(to + from) < ALIKE * (to - from) && answer(view, a, i) < 0 &&
                     answer(view, b, i) > 0 && pm_logger_carries(view, &c, one, other) &&
                     pm_logger_meets(view, one, other) && view->ncarrier < PM_LOGGER_CARRIERS) {
-                    view->carrier[view->ncarrier++] = c;
+                    join_scales(view, i, a, to, answer(view, a, i));
+                    pm_logger_carrier *carrier = &view->carrier[view->ncarrier++];
+                    *carrier = c;
+                    carrier->entropy = to * view->column[i].inertia;
                     // Entropy times temperature is heat.
-                    view->column[a].inertia =
-                        -c.entropy * view->column[a].mean / view->coupling[a][i];
                     view->column[b].inertia =
-                        c.entropy * view->column[b].mean / view->coupling[b][i];
-                    view->column[a].free_scale = view->column[b].free_scale = false;
+                        carrier->entropy * view->column[b].mean / view->coupling[b][i];
+                    view->column[b].free_scale = false;
                 }
             }
         }
@@ -719,16 +740,8 @@ static void find_expansion(pm_logger_view *view) {
             }
             const double cools = answer(view, t, i), pushes = answer(view, i, t);
             view->expands[q][t] = cools * pushes < 0;
-            const double moved = T->inertia * fabs(cools / (T->mean * pushes));
-            const double ratio = moved / view->column[i].inertia;
-            const bool heat = T->free_scale;
-            if (view->expands[q][t] && (heat || view->column[i].free_scale)) {
-                for (int k = 0; k < view->nvariable; ++k) {
-                    pm_logger_column *y = &view->column[k];
-                    const bool thermal = y->kind == PM_LOGGER_TEMPERATURE;
-                    y->inertia *= thermal != heat ? 1 : heat ? 1 / ratio : ratio;
-                    y->free_scale = y->free_scale && thermal != heat;
-                }
+            if (view->expands[q][t]) {
+                join_scales(view, i, t, pushes, cools);
             }
         }
     }
