@@ -70,7 +70,7 @@ static void describe(const pm_logger_view *v) {
             printf("%s%s", v->column[column->mate].name,
                    v->column[column->mate].source == NULL ? ", which nobody measures" : "");
             for (int j = 0; j < v->nvariable; ++j) {
-                if (v->moves[c][j] != 0) {
+                if (v->moves[c][j] != 0 && j != column->mate) {
                     printf(" %+.4g %s", v->moves[c][j], v->column[j].name);
                 }
             }
@@ -271,16 +271,24 @@ static pm_status find_laws(hidden_search *s) {
     return try_guesses(s, from);
 }
 
-// Tries what may be hidden behind the columns: first the same behind all columns of a unit, then
-// behind single ones, until nothing is better. `moving`: behind velocities of measured positions,
-// or behind all other columns.
-static pm_status find_columns(hidden_search *s, bool moving) {
+// What columns have in common behind which something is sought.
+typedef enum column_group { UNPLACED, MOVING, THERMAL } column_group;
+
+static column_group group_of(const pm_logger_view *v, const pm_logger_column *column) {
+    return column->kind == PM_LOGGER_TEMPERATURE                         ? THERMAL
+           : column->mate >= 0 && v->column[column->mate].source != NULL ? MOVING
+                                                                         : UNPLACED;
+}
+
+// Tries what may be hidden behind the columns of a group, velocities and rates of measured
+// positions, temperatures or all others: first the same behind all columns of a unit, then behind
+// single ones, until nothing is better.
+static pm_status find_columns(hidden_search *s, column_group group) {
     for (int alike = 1; alike >= 0; --alike) {
         for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
             const pm_logger_column *column = &s->first.column[c];
             const int from = s->count;
-            const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
-            for (int i = 0; i < column->nother && moves == moving; ++i) {
+            for (int i = 0; i < column->nother && group_of(&s->first, column) == group; ++i) {
                 add_guess(s, c, column->other[i], alike == 1);
             }
             PM_TRY(try_guesses(s, from));
@@ -305,9 +313,11 @@ static pm_status find_hidden(hidden_search *s) {
     s->most = s->most < n ? s->most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    PM_TRY(find_columns(s, false));
+    // Motion heats, and heat hardly moves: what is hidden behind temperatures comes last.
+    PM_TRY(find_columns(s, UNPLACED));
+    PM_TRY(find_columns(s, MOVING));
     PM_TRY(find_laws(s));
-    return find_columns(s, true);
+    return find_columns(s, THERMAL);
 }
 
 // Writes what was tried, as lines of a comment.

@@ -124,7 +124,7 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
       "a sum over positions, with springs of angles"}},
     {"inertia",
      3,
-     {"a network of positions where angles or inputs show it", "constant",
+     {"a network of positions where velocities or inputs show it", "constant",
       "a network of positions"}},
     {"capacities",
      3,
@@ -599,7 +599,12 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     fputs("\"]", w->model);
                 } else if (v->moves[i][j] != 0 || v->moves[j][i] != 0) {
                     const double rate = v->moves[i][j] != 0 ? v->moves[i][j] : -v->moves[j][i];
-                    fprintf(w->model, "[%s, %s, %.6g]", x, y, rate);
+                    if (fabs(rate) == 1) {
+                        fprintf(w->model, "[%s, %s, %.1f]", x, y, rate);
+                    } else {
+                        fprintf(w->model, "[%s, %s, \"%s\"]", x, y,
+                                pm_logger_number(w, "rate", both, rate, fabs(rate)));
+                    }
                 } else if (warms) { // the loss of one heats the other
                     const bool first = v->warms[i][j];
                     pm_logger_write_friction(w, first ? i : j, first ? "a." : "b.", first ? j : i,

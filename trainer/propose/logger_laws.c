@@ -112,11 +112,9 @@ static bool shares_inertia(const pm_logger_writer *w, int c) {
     const pm_logger_view *v = w->v;
     const pm_logger_column *y = &v->column[c];
     const int chosen = w->chosen[PM_LOGGER_INERTIA];
-    bool guided = false, shown = false;
+    bool guided = false, shown = v->inertial[y->part];
     for (int q = 0; q < v->nvariable; ++q) {
-        const bool own = pm_logger_is(v, q, y->part, PM_LOGGER_POSITION);
-        guided = guided || (own && v->column[q].guided);
-        shown = shown || (own && v->column[q].angle);
+        guided = guided || (pm_logger_is(v, q, y->part, PM_LOGGER_POSITION) && v->column[q].guided);
     }
     for (int a = 0; a < v->naction; ++a) { // a force that acts on one of them moves another one
         const pm_logger_column *target = &v->column[v->action[a].target];
@@ -679,7 +677,7 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                 some = true;
             }
         }
-        if (a->kind == PM_LOGGER_POSITION && !a->guided) {
+        if (a->kind == PM_LOGGER_POSITION && !a->guided && w->v->column[a->mate].part == part) {
             fprintf(w->model, "%s[%s, %s, ", some ? ", " : "    reversible: {given: [", a->name,
                     w->v->column[a->mate].name);
             if (fabs(a->ratio) == 1) {

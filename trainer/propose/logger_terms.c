@@ -322,6 +322,7 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
     rest = rest_of_some(e, keep, e + 2, x);
     const pm_unit second = pm_unit_parse("s");
     int mate = -1;
+    bool near = false;
     double own = 0;
     for (int k = 0, n = 0; k < list.count; ++k) {
         const atom *a = list.item[k].factor;
@@ -331,8 +332,12 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
         }
         const double size = fmax(fabs(y->least), fabs(y->largest));
         double factor = x[n++] / size;
-        if (y->part == place->part && fabs(factor) * y->deviation > own) {
-            own = fabs(factor) * y->deviation, mate = a->column;
+        // What belongs to its own part is its rate before all others.
+        const double moved = fabs(factor) * y->deviation;
+        const bool home = y->part == place->part;
+        const bool better = mate < 0 || home > near || (home == near && moved > own);
+        if (better) {
+            own = moved, near = home, mate = a->column;
         }
         if (a[1].kind == VALUE) {
             const pm_logger_column *g = &v->column[a[1].column];
@@ -352,10 +357,7 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
                                                   .sign = a[1].sign,
                                                   .factor = one ? copysign(1, factor) : factor};
     }
-    if (mate < 0) { // nothing of its own part moves it
-        while (v->nguide > 0 && v->guide[v->nguide - 1].position == q) {
-            --v->nguide;
-        }
+    if (mate < 0) {
         return;
     }
     place->kind = PM_LOGGER_POSITION;
@@ -705,6 +707,39 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
     }
 }
 
+// Returns true if squares of velocities times functions of positions change velocity i, beside
+// forces of the positions: inertias that depend on positions do this.
+static bool is_inertial(const pm_logger_samples *w, int i, equations *work) {
+    const pm_logger_view *v = w->view;
+    const int part = v->column[i].part;
+    term_list terms = {0};
+    add_known(v, &terms, i);
+    add_term(&terms, i, VALUE, i, SIZE);
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *a = &v->column[q];
+        if (a->kind != PM_LOGGER_POSITION || a->part != part) {
+            continue;
+        }
+        if (a->angle && a->waves) {
+            add_angle(&terms, q, ONE, q, 1, FEWEST_HARMONICS);
+        }
+        for (int r = 0; r < v->nvariable; ++r) {
+            if (v->column[r].kind == PM_LOGGER_POSITION && v->column[r].part == part) {
+                add_term(&terms, q, VALUE, r, VALUE);
+                add_term(&terms, q, VALUE, r, SQUARE);
+            }
+        }
+    }
+    const int forces = terms.count;
+    for (int j = 0; j < v->nvariable; ++j) {
+        if (v->column[j].kind == PM_LOGGER_FLOW && v->column[j].part == part &&
+            v->column[j].mate >= 0) {
+            add_positions(v, &terms, part, j, SQUARE, true);
+        }
+    }
+    return gain_of(w, i, &terms, forces, work, NULL) > GAINS;
+}
+
 // Returns true if a length stores energy together with another one.
 static bool stores_with_others(const pm_logger_view *v, int q) {
     bool found = false;
@@ -780,6 +815,9 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             continue;
         }
         find_bends(w, i, work);
+        if (y->mate >= 0 && !stores_with_others(v, y->mate)) {
+            v->inertial[y->part] = v->inertial[y->part] || is_inertial(w, i, work);
+        }
         term_list turning = {0};
         if (pm_logger_is_rigid(v, i)) {
             // Its inertia is constant: what turns is how it moves positions or other velocities.
@@ -853,12 +891,15 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 double x[MOST] = {0};
                 add_term(&heat, i, SIZE, i, SIZE);
                 const double gain = gain_of(w, t, &heat, 0, work, x), rise = x[work->n - 1];
-                v->warms[i][t] = rise > 0 && (gain > GAINS || y->part == v->column[t].part);
-                if (v->warms[i][t] && v->column[t].free_scale) {
+                // A loss heats the thermometer of its part even if little of it is seen there.
+                const bool seen = rise > 0 && gain > GAINS, hidden = y->source == NULL;
+                v->warms[i][t] = seen || ((rise > 0 || hidden) && t == v->thermometer[y->part]);
+                if ((seen || (hidden && v->warms[i][t])) && v->column[t].free_scale) {
                     // The power of the loss gives the scale of all capacities.
                     const double size = fmax(fabs(y->least), fabs(y->largest));
                     const double power = y->inertia * fmax(y->decay, 0) * size * size;
-                    const double scale = power > 0 ? power / (rise * v->column[t].inertia) : 1;
+                    const double scale =
+                        seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
                     v->column[t].free_scale = false;
                     for (int k = 0; k < v->nvariable; ++k) {
                         v->column[k].inertia *=

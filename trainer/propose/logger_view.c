@@ -395,8 +395,9 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         fluid = fluid || has_unit(&view->column[c], "m^3/s");
     }
     w->length = 0;
-    // The best pairs first.
-    for (int pairs = 0; pairs < view->nvariable; ++pairs) {
+    // The best pairs first, and those of one part before all others.
+    bool apart = false;
+    for (int pairs = 0; pairs < 2 * view->nvariable; ++pairs) {
         int q = -1, v = -1;
         double best = INFINITY, ratio = 1;
         for (int i = 0; i < view->nvariable; ++i) {
@@ -409,7 +410,8 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
                 const bool geared = known && is_displacement(a) && is_flow(b);
                 bool used[PM_LOGGER_COLUMNS] = {false};
                 double coefficient[1 + PM_LOGGER_COLUMNS];
-                if (i == j || a->mate >= 0 || b->mate >= 0 || !(same || geared)) {
+                if (i == j || a->mate >= 0 || b->mate >= 0 || !(same || geared) ||
+                    (!apart && a->part != b->part)) {
                     continue;
                 }
                 used[j] = true;
@@ -421,8 +423,12 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
                 }
             }
         }
-        if (q < 0) {
+        if (q < 0 && apart) {
             break;
+        }
+        if (q < 0) {
+            apart = true;
+            continue;
         }
         view->column[q].ratio = ratio;
         view->column[q].mate = v;
@@ -1022,9 +1028,8 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
     // different kinds.
     for (int i = 0; i < view->nvariable; ++i) {
         const pm_logger_column *a = &view->column[i];
-        if (a->mate >= 0 && a->part != view->column[a->mate].part) {
-            return pm_fail(PM_EUSAGE, "--part: %s and its rate %s belong to two parts", a->name,
-                           view->column[a->mate].name);
+        if (a->kind == PM_LOGGER_POSITION && a->part != view->column[a->mate].part) {
+            view->moves[i][a->mate] = a->ratio; // through the port of the parts
         }
         for (int j = 0; j < view->nvariable; ++j) {
             const pm_logger_column *b = &view->column[j];

@@ -182,6 +182,7 @@ typedef struct pm_logger_view {
     int nconverter;
     pm_logger_converter converter[PM_LOGGER_ACTIONS];
     bool turns[PM_LOGGER_COLUMNS];  // co-energies whose inertia or capacity depends on positions
+    bool inertial[PM_LOGGER_PARTS]; // parts in which inertias depend on several positions
     bool pushes[PM_LOGGER_COLUMNS]; // co-energies that something constant moves
     bool crank[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] an angle tells how j moves i
     // [i][j] velocities i and j turn into each other by a factor that depends on velocities, as
