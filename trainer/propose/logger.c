@@ -274,12 +274,6 @@ static pm_status find_laws(hidden_search *s) {
 // What columns have in common behind which something is sought.
 typedef enum column_group { UNPLACED, MOVING, THERMAL } column_group;
 
-static column_group group_of(const pm_logger_view *v, const pm_logger_column *column) {
-    return column->kind == PM_LOGGER_TEMPERATURE                         ? THERMAL
-           : column->mate >= 0 && v->column[column->mate].source != NULL ? MOVING
-                                                                         : UNPLACED;
-}
-
 // Tries what may be hidden behind the columns of a group, velocities and rates of measured
 // positions, temperatures or all others: first the same behind all columns of a unit, then behind
 // single ones, until nothing is better.
@@ -288,7 +282,11 @@ static pm_status find_columns(hidden_search *s, column_group group) {
         for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
             const pm_logger_column *column = &s->first.column[c];
             const int from = s->count;
-            for (int i = 0; i < column->nother && group_of(&s->first, column) == group; ++i) {
+            const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
+            const column_group own = column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
+                                     : moves                               ? MOVING
+                                                                           : UNPLACED;
+            for (int i = 0; i < column->nother && own == group; ++i) {
                 add_guess(s, c, column->other[i], alike == 1);
             }
             PM_TRY(try_guesses(s, from));

@@ -512,7 +512,7 @@ static void write_losses(pm_logger_writer *w, int part) {
         } else if (drains) {
             char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
             fprintf(w->model, "[a.%s, b.s, \"(%s + %s)/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
-                    pm_logger_flow(flow, sizeof flow, 'a', y),
+                    pm_logger_flow(w, flow, sizeof flow, 'a', y),
                     pm_logger_spill(spill, sizeof spill, y), y->name,
                     EMPTY * EMPTY * y->largest * y->largest);
         }
@@ -524,7 +524,7 @@ static void write_losses(pm_logger_writer *w, int part) {
                 snprintf(x, sizeof x, "a.%.40s - a.%.40s", y->name, other->name);
                 fprintf(w->model, "%s[a.%s, a.%s, \"", next, y->name, other->name);
                 pm_logger_write_resistance(w, both, x, y, other,
-                                           y->inertia * fabs(v->coupling[i][j]));
+                                           y->inertia * fabs(v->coupling[i][j]), NULL);
                 fputs("\"]", w->model);
             }
         }
@@ -570,7 +570,8 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 const bool rubs = pm_logger_is_coupled(v, i, j, true);
                 const bool warms = v->warms[i][j] || v->warms[j][i];
                 if (a->part != parts[0] || b->part != parts[1] || !pm_logger_joins(v, i, j) ||
-                    (a->kind == PM_LOGGER_TEMPERATURE || rubs || warms) != (thermal == 1)) {
+                    (a->kind == PM_LOGGER_TEMPERATURE || rubs || warms) != (thermal == 1) ||
+                    pm_logger_guides(v, i, j) || pm_logger_guides(v, j, i)) {
                     continue;
                 }
                 fputs(some           ? ", "
@@ -588,15 +589,9 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     const pm_logger_column *from = falls ? a : b, *to = falls ? b : a;
                     const char end = falls ? 'a' : 'b';
                     char flow[PM_LOGGER_LONG_TEXT];
-                    pm_logger_flow_constants(w, from);
                     fprintf(w->model, "[%c.%s, %c.z_%s, \"%s/%.4g\"]", falls ? 'b' : 'a', to->name,
-                            end, from->name, pm_logger_flow(flow, sizeof flow, end, from),
+                            end, from->name, pm_logger_flow(w, flow, sizeof flow, end, from),
                             pm_logger_highest(v));
-                } else if (pm_logger_guides(v, i, j) || pm_logger_guides(v, j, i)) {
-                    const bool first = pm_logger_guides(v, i, j);
-                    fprintf(w->model, "[%s, %s, \"", first ? x : y, first ? y : x);
-                    pm_logger_write_guide(w, first ? i : j, first ? j : i, parts);
-                    fputs("\"]", w->model);
                 } else if (v->moves[i][j] != 0 || v->moves[j][i] != 0) {
                     const double rate = v->moves[i][j] != 0 ? v->moves[i][j] : -v->moves[j][i];
                     if (fabs(rate) == 1) {
@@ -614,7 +609,7 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     snprintf(apart, sizeof apart, "%s - %s", x, y);
                     fprintf(w->model, "[%s, %s, \"", x, y);
                     pm_logger_write_resistance(w, both, apart, a, b,
-                                               a->inertia * fabs(v->coupling[i][j]));
+                                               a->inertia * fabs(v->coupling[i][j]), NULL);
                     fputs("\"]", w->model);
                 } else if (thermal == 1) {
                     pm_logger_write_conduction(w, both, x, y, dx, dy,
@@ -629,12 +624,8 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 }
             }
         }
-        for (int k = 0; k < v->ncarrier && thermal == 0; ++k) {
-            if (pm_logger_carries(v, &v->carrier[k], parts[0], parts[1])) {
-                fputs(some ? ", " : "    reversible: {given: [", w->model);
-                pm_logger_write_carrier(w, &v->carrier[k], parts);
-                some = true;
-            }
+        if (thermal == 0) {
+            pm_logger_write_turns(w, parts, &some);
         }
         fputs(some ? "]}\n" : "", w->model);
     }
@@ -704,7 +695,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 char drop[PM_LOGGER_TEXT];
                 snprintf(drop, sizeof drop, "%.60s - b.dE.x", x);
                 fprintf(w->model, "[%s, b.x, \"", x);
-                pm_logger_write_resistance(w, both, drop, y, &v->column[input], action->gain);
+                pm_logger_write_resistance(w, both, drop, y, &v->column[input], action->gain, NULL);
                 fputs("\"]", w->model);
                 break;
             }
@@ -724,8 +715,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                             other->name);
                     pm_logger_write_resistance(
                         w, both, drop, one, other,
-                        one->inertia * fabs(v->coupling[turn->one][turn->other]) / mean);
-                    pm_logger_write_opening(w, both, opening);
+                        one->inertia * fabs(v->coupling[turn->one][turn->other]) / mean, opening);
                     fputs("\"]", w->model);
                     some = true;
                     continue;

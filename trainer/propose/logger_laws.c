@@ -9,8 +9,9 @@
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
-#define POWERS_OF_CHARGE 3    // of the voltage of a cell
-#define WARMS 1e-3            // 1/K: with which the resistance of a cell falls with heat
+#define POWERS_OF_CHARGE 3 // of the voltage of a cell
+#define SPRING 1e-3 // of the changes of a velocity that another position explains, by a spring
+#define WARMS 1e-3  // 1/K: with which the resistance of a cell falls with heat
 #define KNEES_OF_CHARGE 8     // steps in it, evenly spaced
 #define MIDDLE 0.5            // of the distance between two of them
 #define WIDTH 25              // a temperature counts as varying by at least 1/25 of it
@@ -375,7 +376,8 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
 // turn against each other.
 static bool has_spring(const pm_logger_view *v, int i, int j) {
     const pm_logger_column *a = &v->column[i], *b = &v->column[j];
-    return a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
+    const double shown = fmax(v->share[a->mate][j], v->share[b->mate][i]);
+    return shown > SPRING && a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
            (!a->angle || v->apart[i][j] < PM_LOGGER_TURN);
 }
 
@@ -582,82 +584,81 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                             pm_logger_number(w, kinds[k], both, k == 0 ? spring : 0, size), a->name,
                             b->name, d, k + 2);
                 }
-                fputs("\"\n", w->model);
+                const char *bend = pm_logger_number(w, "bend", both, 0, size);
+                const char *place = pm_logger_number(w, "place", both, 0, d);
+                pm_logger_constant(w, "width", both, MIDDLE * d);
+                fprintf(w->model, " + %s*sqrt((%s - %s - %s)^2 + width_%s^2)/%.6g\"\n", bend,
+                        a->name, b->name, place, both, d);
             }
         }
     }
 }
 
-void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts) {
-    bool some = false;
-    for (int k = 0; k < w->v->nguide; ++k) {
-        const pm_logger_guide *g = &w->v->guide[k];
-        char name[PM_LOGGER_TEXT];
-        if (g->position != q || g->velocity != v) {
+void pm_logger_write_turns(pm_logger_writer *w, const int *parts, bool *some) {
+    const pm_logger_view *v = w->v;
+    const char *const first = "    reversible: {given: [";
+    const char *const end[] = {parts[0] == parts[1] ? "" : "a.", parts[0] == parts[1] ? "" : "b."};
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int i = 0; i < v->nvariable; ++i) {
+            const int home = v->column[q].part, away = v->column[i].part;
+            const bool here =
+                (home == parts[0] && away == parts[1]) || (home == parts[1] && away == parts[0]);
+            if (!here || !pm_logger_guides(v, q, i)) {
+                continue;
+            }
+            fprintf(w->model, "%s[%s%s, %s%s, \"", *some ? ", " : first, end[home != parts[0]],
+                    v->column[q].name, end[away != parts[0]], v->column[i].name);
+            *some = true;
+            bool sum = false;
+            for (int k = 0; k < v->nguide; ++k) {
+                const pm_logger_guide *g = &v->guide[k];
+                const pm_logger_column *angle = &v->column[g->angle];
+                const char *at = end[angle->part != parts[0]];
+                char name[PM_LOGGER_TEXT];
+                if (g->position != q || g->velocity != i) {
+                    continue;
+                }
+                snprintf(name, sizeof name, "%.30s_%.30s_%d", v->column[q].name, v->column[i].name,
+                         k);
+                fputs(sum ? " + " : "", w->model);
+                sum = true;
+                if (fabs(g->factor) == 1) {
+                    fprintf(w->model, "%.1f", g->factor);
+                } else {
+                    fputs(pm_logger_number(w, "guide", name, g->factor, fabs(g->factor)), w->model);
+                }
+                if (g->function == 'x') {
+                    fprintf(w->model, "*%s%s", at, angle->name);
+                } else if (g->function != '1') {
+                    fprintf(w->model, "*%s(%d*%s%s", g->function == 's' ? "sin" : "cos",
+                            g->harmonic, at, angle->name);
+                    if (g->other >= 0) {
+                        fprintf(w->model, " %c %s%s", g->sign > 0 ? '+' : '-', at,
+                                v->column[g->other].name);
+                    }
+                    fputs(")", w->model);
+                }
+            }
+            fputs("\"]", w->model);
+        }
+    }
+    for (int k = 0; k < v->ncarrier; ++k) {
+        const pm_logger_carrier *c = &v->carrier[k];
+        if (!pm_logger_carries(v, c, parts[0], parts[1])) {
             continue;
         }
-        const pm_logger_column *angle = &w->v->column[g->angle];
-        const char *turns = parts == NULL ? "" : angle->part == parts[0] ? "a." : "b.";
-        const char *x = angle->name;
-        snprintf(name, sizeof name, "%.30s_%.30s_%d", w->v->column[q].name, w->v->column[v].name,
-                 k);
-        fputs(some ? " + " : "", w->model);
-        some = true;
-        if (fabs(g->factor) == 1) {
-            fprintf(w->model, "%.1f", g->factor);
-        } else {
-            fputs(pm_logger_number(w, "guide", name, g->factor, fabs(g->factor)), w->model);
-        }
-        if (g->function == 'x') {
-            fprintf(w->model, "*%s%s", turns, x);
-        } else if (g->function != '1') {
-            fprintf(w->model, "*%s(%d*%s%s", g->function == 's' ? "sin" : "cos", g->harmonic, turns,
-                    x);
-            if (g->other >= 0) {
-                fprintf(w->model, " %c %s%s", g->sign > 0 ? '+' : '-', turns,
-                        w->v->column[g->other].name);
-            }
-            fputs(")", w->model);
+        const pm_logger_column *flow = &v->column[c->flow];
+        const pm_logger_column *to[] = {&v->column[c->from], &v->column[c->to]};
+        char both[PM_LOGGER_TEXT];
+        snprintf(both, sizeof both, "%.30s_%.30s_%.30s", flow->name, to[0]->name, to[1]->name);
+        const char *carried = pm_logger_number(w, "carried", both, c->entropy, fabs(c->entropy));
+        for (int n = 0; n < 2; ++n) {
+            fprintf(w->model, "%s[%s%s, %s%s, \"%s%s\"]", *some ? ", " : first,
+                    end[flow->part != parts[0]], flow->name, end[to[n]->part != parts[0]],
+                    to[n]->name, n == 0 ? "" : "-", carried);
+            *some = true;
         }
     }
-}
-
-// Writes the factor by which velocities i and j turn into each other: a sum over velocities.
-static void write_gyration(pm_logger_writer *w, int i, int j) {
-    const pm_logger_view *v = w->v;
-    for (int k = 0; k < v->nvariable && v->gyrates[i][j]; ++k) {
-        const pm_logger_column *y = &v->column[k];
-        if (pm_logger_is_velocity(y) && y->part == v->column[i].part) {
-            char name[PM_LOGGER_TEXT];
-            snprintf(name, sizeof name, "%.30s_%.30s_by_%.30s", v->column[i].name,
-                     v->column[j].name, y->name);
-            fprintf(
-                w->model, " + %s*%s",
-                pm_logger_number(w, "gyration", name, 0,
-                                 pm_logger_between(w, &v->column[i], &v->column[j]) / y->deviation),
-                y->name);
-        }
-    }
-}
-
-void pm_logger_write_carrier(pm_logger_writer *w, const pm_logger_carrier *carrier,
-                             const int *parts) {
-    const int member[] = {carrier->flow, carrier->from, carrier->to};
-    char name[3][PM_LOGGER_TEXT], both[PM_LOGGER_TEXT];
-    for (int k = 0; k < 3; ++k) {
-        const pm_logger_column *c = &w->v->column[member[k]];
-        snprintf(name[k], sizeof name[k], "%s%.40s",
-                 parts == NULL         ? ""
-                 : c->part == parts[0] ? "a."
-                                       : "b.",
-                 c->name);
-    }
-    snprintf(both, sizeof both, "%.30s_%.30s_%.30s", w->v->column[carrier->flow].name,
-             w->v->column[carrier->from].name, w->v->column[carrier->to].name);
-    const char *carried =
-        pm_logger_number(w, "carried", both, carrier->entropy, fabs(carrier->entropy));
-    fprintf(w->model, "[%s, %s, \"%s\"], [%s, %s, \"-%s\"]", name[0], name[1], carried, name[0],
-            name[2], carried);
 }
 
 // Writes what couples positions with velocities, and co-energies of different kinds.
@@ -667,15 +668,6 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
         const pm_logger_column *a = &w->v->column[i];
         if (a->part != part) {
             continue;
-        }
-        for (int j = 0; j < w->v->nvariable; ++j) {
-            if (w->v->column[j].part == part && pm_logger_guides(w->v, i, j)) {
-                fprintf(w->model, "%s[%s, %s, \"", some ? ", " : "    reversible: {given: [",
-                        a->name, w->v->column[j].name);
-                pm_logger_write_guide(w, i, j, NULL);
-                fputs("\"]", w->model);
-                some = true;
-            }
         }
         if (a->kind == PM_LOGGER_POSITION && !a->guided && w->v->column[a->mate].part == part) {
             fprintf(w->model, "%s[%s, %s, ", some ? ", " : "    reversible: {given: [", a->name,
@@ -706,7 +698,17 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                     pm_logger_number(w, "circling", both,
                                      w->v->circles[i][j] ? a->inertia * w->v->coupling[i][j] : 0,
                                      pm_logger_between(w, a, b)));
-                write_gyration(w, i, j);
+                for (int k = 0; k < w->v->nvariable && w->v->gyrates[i][j]; ++k) {
+                    const pm_logger_column *y = &w->v->column[k];
+                    if (pm_logger_is_velocity(y) && y->part == part) {
+                        char by[2 * PM_LOGGER_TEXT];
+                        snprintf(by, sizeof by, "%.60s_by_%.30s", both, y->name);
+                        fprintf(w->model, " + %s*%s",
+                                pm_logger_number(w, "gyration", by, 0,
+                                                 pm_logger_between(w, a, b) / y->deviation),
+                                y->name);
+                    }
+                }
                 fputs("\"]", w->model);
                 some = true;
             }
@@ -728,42 +730,9 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
             }
         }
     }
-    for (int k = 0; k < w->v->ncarrier; ++k) {
-        if (pm_logger_carries(w->v, &w->v->carrier[k], part, part)) {
-            fputs(some ? ", " : "    reversible: {given: [", w->model);
-            pm_logger_write_carrier(w, &w->v->carrier[k], NULL);
-            some = true;
-        }
-    }
+    const int alone[] = {part, part};
+    pm_logger_write_turns(w, alone, &some);
     fputs(some ? "]}\n" : "", w->model);
-}
-
-// Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
-// are the names of the groups with their prefixes, dx and dy those of their co-energies. The
-// conductance is the sum of a constant, of that of radiation, and of that of natural convection,
-// a power of the difference of the temperatures.
-void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
-                                const char *dx, const char *dy, double start,
-                                const pm_logger_column *opening) {
-    const double T0 = ROOM_TEMPERATURE;
-    pm_logger_constant(w, "conductance", name, start);
-    fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
-    if (w->chosen[PM_LOGGER_CONDUCTION] == RADIATION) {
-        pm_logger_constant(w, "radiation", name, SMALL * fabs(start));
-        fprintf(w->model, " + radiation_%s*(%s + %s)*(%s^2 + %s^2)/%.6g", name, dx, dy, dx, dy,
-                4 * T0 * T0 * T0);
-    }
-    if (w->chosen[PM_LOGGER_CONDUCTION] <= CONVECTION) {
-        pm_logger_constant(w, "convection", name, SMALL * fabs(start));
-        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2);
-        fprintf(w->model, " + convection_%s*exp(power_%s*ln((%s - %s)^2 + %.4g))", name, name, dx,
-                dy, STILL * STILL);
-    }
-    fputs(")", w->model);
-    if (opening != NULL) {
-        pm_logger_write_opening(w, name, opening);
-    }
-    fprintf(w->model, "*%s/%s\"]", dy, dx);
 }
 
 // Writes a positive factor that depends on the variable x, which y describes: an exponential of
@@ -795,11 +764,40 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
     fputs(")", w->model);
 }
 
-void pm_logger_write_opening(pm_logger_writer *w, const char *name, const pm_logger_column *input) {
+// Writes a positive factor that grows with an input, to which it is proportional at first.
+static void write_opening(pm_logger_writer *w, const char *name, const pm_logger_column *input) {
     char opening[PM_LOGGER_TEXT];
     snprintf(opening, sizeof opening, "opening_%.80s", name);
     fputs("*|b.dE.x|", w->model);
     write_factor(w, opening, "b.dE.x", input, NULL, NULL);
+}
+
+// Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
+// are the names of the groups with their prefixes, dx and dy those of their co-energies. The
+// conductance is the sum of a constant, of that of radiation, and of that of natural convection,
+// a power of the difference of the temperatures.
+void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
+                                const char *dx, const char *dy, double start,
+                                const pm_logger_column *opening) {
+    const double T0 = ROOM_TEMPERATURE;
+    pm_logger_constant(w, "conductance", name, start);
+    fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
+    if (w->chosen[PM_LOGGER_CONDUCTION] == RADIATION) {
+        pm_logger_constant(w, "radiation", name, SMALL * fabs(start));
+        fprintf(w->model, " + radiation_%s*(%s + %s)*(%s^2 + %s^2)/%.6g", name, dx, dy, dx, dy,
+                4 * T0 * T0 * T0);
+    }
+    if (w->chosen[PM_LOGGER_CONDUCTION] <= CONVECTION) {
+        pm_logger_constant(w, "convection", name, SMALL * fabs(start));
+        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2);
+        fprintf(w->model, " + convection_%s*exp(power_%s*ln((%s - %s)^2 + %.4g))", name, name, dx,
+                dy, STILL * STILL);
+    }
+    fputs(")", w->model);
+    if (opening != NULL) {
+        write_opening(w, name, opening);
+    }
+    fprintf(w->model, "*%s/%s\"]", dy, dx);
 }
 
 void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger_action *action) {
@@ -854,7 +852,7 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
                                 const pm_logger_column *y, const pm_logger_column *other,
-                                double start) {
+                                double start, const pm_logger_column *opening) {
     pm_logger_column drop = *y;
     const pm_unit pressure = pm_unit_parse("Pa");
     const double d = fmax(fabs(y->least), fabs(y->largest)), dry = DRY * y->deviation;
@@ -900,6 +898,9 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
         }
         write_factor(w, name, x, &drop, NULL, NULL);
     }
+    if (opening != NULL) {
+        write_opening(w, name, opening);
+    }
 }
 
 // Writes to `x` the speed of the velocities whose positions store energy together, as drag depends
@@ -941,7 +942,7 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
     for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
         law.damped = law.damped && !w->v->warms[c][k];
     }
-    pm_logger_write_resistance(w, name, x, &law, NULL, start);
+    pm_logger_write_resistance(w, name, x, &law, NULL, start, NULL);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
         fputs("*exp(0", w->model);
         write_lever(w, name, of, y->part, true, y->mate, 1);
@@ -964,17 +965,6 @@ static bool shows_no_length(const pm_logger_column *h) {
 
 // Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
 // smooth where the vessel is empty.
-const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_column *h) {
-    // A sensor that shows no length may have another zero.
-    char zero[PM_LOGGER_TEXT] = "";
-    if (shows_no_length(h)) {
-        snprintf(zero, sizeof zero, " - zero_%s", h->name);
-    }
-    snprintf(text, size, "outflow_%s*exp(power_%s*ln(((%c.%s%s)/%.4g)^2 + %.4g))", h->name, h->name,
-             end, h->name, zero, h->largest, EMPTY * EMPTY);
-    return text;
-}
-
 // Returns the law by which fluid spills over the brim of a level, or "0" if it has none.
 const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h) {
     snprintf(text, size, "0");
@@ -1003,25 +993,36 @@ static double mean_inflow(const pm_logger_view *v, int h, int most) {
     return hides ? fmax(sum, 0) : 0;
 }
 
-void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h) {
+const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char end,
+                           const pm_logger_column *h) {
     // At its mean the derivative of the flow by the level is that of the regression. Where a hidden
     // level plays a part, regressions tell less than that as much flows out as in.
     const double part = pow(fmax(h->mean / h->largest, SMALL), ROOT);
     const double inflow = mean_inflow(w->v, (int)(h - w->v->column), w->v->nvariable);
     const double outflow =
         inflow > 0 ? inflow / part : h->inertia * fabs(h->decay) * h->mean / (ROOT * part);
-    fprintf(w->list, "      outflow_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
-            fmax(outflow, LEAST_CONSTANT));
-    fprintf(w->list, "      power_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
-            ROOT / 2);
+    if (!has_constant(w, "outflow", h->name)) {
+        fprintf(w->list, "      outflow_%s: {learned: %.6g, positive: true, shared: true}\n",
+                h->name, fmax(outflow, LEAST_CONSTANT));
+        fprintf(w->list, "      power_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
+                ROOT / 2);
+        if (shows_no_length(h)) {
+            fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
+        }
+        if (h->spills) {
+            pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest);
+            pm_logger_constant(w, "brim", h->name, h->mean + h->deviation);
+            pm_logger_constant(w, "caught", h->name, 1);
+        }
+    }
+    // A sensor that shows no length may have another zero.
+    char zero[PM_LOGGER_TEXT] = "";
     if (shows_no_length(h)) {
-        fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
+        snprintf(zero, sizeof zero, " - zero_%s", h->name);
     }
-    if (h->spills) {
-        pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest);
-        pm_logger_constant(w, "brim", h->name, h->mean + h->deviation);
-        pm_logger_constant(w, "caught", h->name, 1);
-    }
+    snprintf(text, size, "outflow_%s*exp(power_%s*ln(((%c.%s%s)/%.4g)^2 + %.4g))", h->name, h->name,
+             end, h->name, zero, h->largest, EMPTY * EMPTY);
+    return text;
 }
 
 void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
@@ -1040,12 +1041,11 @@ void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
         if (!falls || !pm_logger_is(v, i, part, PM_LOGGER_LEVEL)) {
             continue;
         }
-        pm_logger_flow_constants(w, h);
         for (int j = 0; j < v->nvariable; ++j) {
             char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
             if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j]) {
                 fprintf(w->model, "%s[a.%s, b.z, \"(%s", some ? ", " : first, v->column[j].name,
-                        pm_logger_flow(flow, sizeof flow, 'a', h));
+                        pm_logger_flow(w, flow, sizeof flow, 'a', h));
                 if (h->spills) {
                     fprintf(w->model, " + caught_%s/(1 + caught_%s)*%s", h->name, h->name,
                             pm_logger_spill(spill, sizeof spill, h));

@@ -104,13 +104,10 @@ void pm_logger_write_energy(pm_logger_writer *w, int part);
 // Writes what couples positions with velocities, and co-energies of different kinds.
 void pm_logger_write_reversible(pm_logger_writer *w, int part);
 
-// Writes the factor by which velocity v moves position q: a sum of functions of angles. In a port
-// these have the prefixes of the two parts; parts is NULL in a part.
-void pm_logger_write_guide(pm_logger_writer *w, int q, int v, const int *parts);
-
-// Writes the two pairs by which a flow carries entropy. parts is as above.
-void pm_logger_write_carrier(pm_logger_writer *w, const pm_logger_carrier *carrier,
-                             const int *parts);
+// Writes pairs, after a separator, for guides and carriers through the port of two parts, or of one
+// part if both are the same: how velocities move positions, and what a flow carries. Sets *some if
+// there are any.
+void pm_logger_write_turns(pm_logger_writer *w, const int *parts, bool *some);
 
 // Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
 // are the names of the groups with their prefixes, dx and dy those of their co-energies. The
@@ -120,9 +117,6 @@ void pm_logger_write_carrier(pm_logger_writer *w, const pm_logger_carrier *carri
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
                                 const char *dx, const char *dy, double start,
                                 const pm_logger_column *opening);
-
-// Writes a positive factor that grows with an input, to which it is proportional at first.
-void pm_logger_write_opening(pm_logger_writer *w, const char *name, const pm_logger_column *input);
 
 // Writes the coefficient by which an input moves a co-energy, with a lever and a valve where the
 // data show them: "name" is that of the coefficient.
@@ -155,22 +149,20 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
 // is NULL, and `start` is where the linear part begins.
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,
                                 const pm_logger_column *y, const pm_logger_column *other,
-                                double start);
+                                double start, const pm_logger_column *opening);
 
 // Writes friction and resistance of co-energy c whose heat goes to the surroundings, or to
 // temperature t if it is not -1. `of` and `to` stand before the names of the groups: "a." and "b."
 // in a port.
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to);
 
-// Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
-// smooth where the vessel is empty.
-const char *pm_logger_flow(char *text, size_t size, char end, const pm_logger_column *h);
+// Returns the law by which fluid leaves a level, and adds its constants: a power of it, such as
+// Torricelli's root. It is smooth where the vessel is empty.
+const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char end,
+                           const pm_logger_column *h);
 
 // Returns the law by which fluid spills over the brim of a level of end a; "0": it has none.
 const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h);
-
-// Adds the constants of this law, which all models share that have them.
-void pm_logger_flow_constants(pm_logger_writer *w, const pm_logger_column *h);
 
 // Writes what moves a part without loss from outside: what is constant, and what leaves one level
 // and falls into another one, unless networks tell that. The fluid that falls loses its energy

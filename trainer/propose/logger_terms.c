@@ -2,6 +2,8 @@
 #include "propose/logger_terms.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define MOST (1 + PM_LOGGER_COLUMNS + 63) // terms of a regression
@@ -11,6 +13,7 @@
 #define RIDGE 1e-9  // of the diagonal of the normal equations
 #define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
+#define LARGE_PART 0.25 // likewise: inertias depend on positions if that explains so much
 #define SMALL_ANGLE 1.2 // rad
 #define CLEARLY 0.9     // of what other terms leave: these leave clearly less
 #define GUIDED 0.01     // of the changes of a position: guides leave no more, beside noise
@@ -24,12 +27,23 @@
 #define PUSHES 0.1      // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
-typedef enum atom_kind { ONE, VALUE, SIZE, SIGN, SQUARE, AWAY, SINE, COSINE } atom_kind;
+typedef enum atom_kind {
+    ONE,
+    VALUE,
+    SIZE,
+    SIGN,
+    SQUARE,
+    AWAY,
+    SINE,
+    COSINE,
+    APART // from another column
+} atom_kind;
 
 typedef struct atom {
     int column;
     atom_kind kind;
-    int harmonic, other, sign; // of SINE and COSINE: of harmonic*column + sign*other
+    int harmonic, sign; // of SINE and COSINE: of harmonic*column + sign*other
+    int other;
 } atom;
 
 // A product of factors; one that is not set is ONE.
@@ -60,6 +74,8 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
         return cos(a.harmonic * raw + a.sign * row[a.other]);
     case SQUARE:
         return y * y;
+    case APART:
+        return (raw - row[a.other]) / size;
     case AWAY: // from the mean
         return (raw - c->mean) / (c->deviation > 0 ? c->deviation : 1);
     case VALUE:
@@ -86,17 +102,6 @@ typedef struct equations {
     double matrix[MOST][MOST], right[MOST], square;
     double rest; // what known terms leave unexplained
 } equations;
-
-static void add_equation(equations *e, const double *x, double y) {
-    for (int i = 0; i < e->n; ++i) {
-        for (int j = 0; j < e->n; ++j) {
-            e->matrix[i][j] += x[i] * x[j];
-        }
-        e->right[i] += x[i] * y;
-    }
-    e->square += y * y;
-    ++e->count;
-}
 
 // Solves the first n equations of `learn`, writes the solution x [n], and returns the unexplained
 // part of the squares of `judge`.
@@ -168,9 +173,15 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
             for (int t = 0; t < learn->n; ++t) {
                 whole = whole && isfinite(x[t]);
             }
-            if (whole) {
-                add_equation(i % KEPT_BACK == KEPT_BACK - 1 ? judge : learn, x, change);
+            equations *e = i % KEPT_BACK == KEPT_BACK - 1 ? judge : learn;
+            for (int t = 0; t < e->n && whole; ++t) {
+                for (int u = 0; u < e->n; ++u) {
+                    e->matrix[t][u] += x[t] * x[u];
+                }
+                e->right[t] += x[t] * change;
             }
+            e->square += whole ? change * change : 0;
+            e->count += whole;
         }
     }
 }
@@ -226,33 +237,6 @@ static void add_angle(term_list *list, int column, atom_kind kind, int angle, in
 
 // --- positions that velocities move by what angles tell ---
 
-// Adds the products of a velocity with functions of the angles and the pure numbers of two parts.
-static void add_turned(const pm_logger_view *v, term_list *list, int velocity, int one, int two) {
-    add_term(list, velocity, VALUE, velocity, ONE);
-    for (int a = 0; a < v->nvariable; ++a) {
-        const pm_logger_column *angle = &v->column[a];
-        if ((angle->part != one && angle->part != two) || !may_be_place(angle)) {
-            continue;
-        }
-        if (!angle->angle) {
-            add_term(list, velocity, VALUE, a, VALUE);
-            continue;
-        }
-        add_angle(list, velocity, VALUE, a, 1, FEWEST_HARMONICS);
-        for (int b = a + 1; b < v->nvariable; ++b) {
-            const bool both = v->column[b].angle && v->column[b].part == angle->part;
-            for (int k = 0; k < 4 && both && list->count < MOST; ++k) {
-                list->item[list->count++] = (regressor){{{.column = velocity, .kind = VALUE},
-                                                         {.column = a,
-                                                          .kind = k % 2 == 0 ? SINE : COSINE,
-                                                          .harmonic = 1,
-                                                          .other = b,
-                                                          .sign = k < 2 ? 1 : -1}}};
-            }
-        }
-    }
-}
-
 // Keeps the equations of the terms in `keep`, and solves them as rest_of does.
 static double rest_of_some(const equations *e, const bool *keep, equations *work, double *x) {
     for (int k = 0; k < 2; ++k) {
@@ -279,8 +263,33 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
     pm_logger_column *place = &v->column[q];
     term_list list = {0};
     for (int i = 0; i < v->nvariable; ++i) {
-        if (pm_logger_is_velocity(&v->column[i])) {
-            add_turned(v, &list, i, place->part, v->column[i].part);
+        if (!pm_logger_is_velocity(&v->column[i])) {
+            continue;
+        }
+        // Its products with functions of the angles and the pure numbers of the two parts.
+        add_term(&list, i, VALUE, i, ONE);
+        for (int a = 0; a < v->nvariable; ++a) {
+            const pm_logger_column *angle = &v->column[a];
+            if ((angle->part != place->part && angle->part != v->column[i].part) ||
+                !may_be_place(angle)) {
+                continue;
+            }
+            if (!angle->angle) {
+                add_term(&list, i, VALUE, a, VALUE);
+                continue;
+            }
+            add_angle(&list, i, VALUE, a, 1, FEWEST_HARMONICS);
+            for (int b = a + 1; b < v->nvariable; ++b) {
+                const bool both = v->column[b].angle && v->column[b].part == angle->part;
+                for (int k = 0; k < 4 && both && list.count < MOST; ++k) {
+                    list.item[list.count++] = (regressor){{{.column = i, .kind = VALUE},
+                                                           {.column = a,
+                                                            .kind = k % 2 == 0 ? SINE : COSINE,
+                                                            .harmonic = 1,
+                                                            .other = b,
+                                                            .sign = k < 2 ? 1 : -1}}};
+                }
+            }
         }
     }
     if (list.count == 0 || list.count == MOST) {
@@ -388,33 +397,6 @@ static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work
     return gain_of(w, i, &products, 1, work, NULL) > GAINS;
 }
 
-pm_status pm_logger_find_guides(pm_logger_samples *w) {
-    pm_logger_view *v = w->view;
-    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
-    PM_TRY(pm_arena_status(&v->arena, "regressions"));
-    const pm_unit length = pm_unit_parse("m"), volume = pm_unit_parse("m^3");
-    for (int q = 0; q < v->nvariable; ++q) {
-        const pm_logger_column *place = &v->column[q];
-        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length) ||
-                                pm_unit_equal(&place->dimension, &volume))) {
-            find_guide(w, q, work);
-        }
-    }
-    // Velocities turn into each other where one of them is no rate of a position: an inertia would
-    // else tell the same.
-    for (int i = 0; i < v->nvariable; ++i) {
-        for (int j = i + 1; j < v->nvariable; ++j) {
-            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
-            const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
-                              v->column[b->mate].guided;
-            v->gyrates[i][j] = free && a->part == b->part && pm_logger_is_velocity(a) &&
-                               pm_logger_is_velocity(b) &&
-                               (turns_into(w, i, j, work) || turns_into(w, j, i, work));
-        }
-    }
-    return PM_OK;
-}
-
 // Adds the force x^one y^two, powers 0 to 2, of an energy of position q, as it acts on velocity i.
 static void add_force(const pm_logger_view *v, term_list *list, int i, atom x, atom y, int q) {
     if (v->column[q].mate == i && !v->column[q].guided && list->count < MOST) {
@@ -436,9 +418,38 @@ static void add_force(const pm_logger_view *v, term_list *list, int i, atom x, a
     }
 }
 
-// Adds what guides and products of velocities are known to change in velocity i.
+// Adds the forces by which springs and weights move velocity i: powers of the positions that move
+// it and of their differences, sines and cosines of angles.
+static void add_springs(const pm_logger_view *v, term_list *list, int i) {
+    const int own = v->column[i].mate;
+    for (int q = 0; q < v->nvariable; ++q) {
+        if (v->column[q].kind != PM_LOGGER_POSITION || (q != own && v->share[i][q] < GAINS)) {
+            continue;
+        }
+        // Of small angles sines hardly differ from powers.
+        const bool turns =
+            v->column[q].angle && v->column[q].largest - v->column[q].least > 2 * SMALL_ANGLE;
+        if (turns) {
+            add_angle(list, q, ONE, q, 1, FEWEST_HARMONICS);
+        } else {
+            add_term(list, q, VALUE, q, VALUE);
+            add_term(list, q, VALUE, q, SQUARE);
+        }
+        if (q != own) {
+            add_term(list, own, VALUE, q, VALUE);
+            add_term(list, own, VALUE, q, SQUARE);
+            add_term(list, own, SQUARE, q, VALUE);
+        }
+    }
+}
+
+// Adds what springs, guides and products of velocities are known to change in velocity i.
 static void add_known(const pm_logger_view *v, term_list *list, int i) {
     bool turns = false;
+    if (v->column[i].mate >= 0 && v->column[i].kind == PM_LOGGER_FLOW &&
+        !v->column[v->column[i].mate].guided) {
+        add_springs(v, list, i);
+    }
     for (int j = 0; j < v->nvariable; ++j) {
         const atom one = {.column = j, .kind = VALUE}, two = {.column = j, .kind = SQUARE};
         if (v->column[j].guided) {
@@ -458,11 +469,11 @@ static void add_known(const pm_logger_view *v, term_list *list, int i) {
     }
 }
 
-pm_status pm_logger_correct_guides(pm_logger_samples *w) {
+pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
-    for (int i = 0; i < v->nvariable; ++i) {
+    for (int i = 0; i < v->nvariable && coupled; ++i) {
         term_list known = {0};
         double x[MOST];
         bool keep[MOST];
@@ -470,7 +481,9 @@ pm_status pm_logger_correct_guides(pm_logger_samples *w) {
         if (!(gain_of(w, i, &known, 0, work, x) > GAINS)) {
             continue;
         }
-        set_couplings(v, i, x);
+        if (pm_logger_is_rigid(v, i)) { // the others begin with mean slopes
+            set_couplings(v, i, x);
+        }
         memset(keep, true, sizeof keep);
         const double rest = rest_of_some(work, keep, work + 2, x);
         v->column[i].unexplained = rest;
@@ -480,35 +493,64 @@ pm_status pm_logger_correct_guides(pm_logger_samples *w) {
             keep[1 + j] = true;
         }
     }
+    const pm_unit length = pm_unit_parse("m"), volume = pm_unit_parse("m^3");
+    for (int q = 0; q < v->nvariable && !coupled; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length) ||
+                                pm_unit_equal(&place->dimension, &volume))) {
+            find_guide(w, q, work);
+        }
+    }
+    // Velocities turn into each other where one of them is no rate of a position: an inertia would
+    // else tell the same.
+    for (int i = 0; i < v->nvariable && !coupled; ++i) {
+        for (int j = i + 1; j < v->nvariable; ++j) {
+            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+            const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
+                              v->column[b->mate].guided;
+            v->gyrates[i][j] = free && a->part == b->part && pm_logger_is_velocity(a) &&
+                               pm_logger_is_velocity(b) &&
+                               (turns_into(w, i, j, work) || turns_into(w, j, i, work));
+        }
+    }
     return PM_OK;
 }
 
-// Returns true if lengths q and r of a part store energy together, as a spring in the plane does:
-// the force of each depends on both.
+// Returns true if lengths q and r of a part store energy together, as a spring in the plane does: a
+// product of both in their forces explains more than a spring between them.
 static bool stores_both(const pm_logger_samples *w, int q, int r, equations *work) {
     const pm_logger_view *v = w->view;
     for (int i = 0; i < v->nvariable; ++i) {
-        term_list forces = {0};
-        int known = 0;
-        for (int pass = 0; pass < 2; ++pass) {
-            for (int end = 0; end < 2; ++end) {
-                const int own = end == 0 ? q : r, other = end == 0 ? r : q;
-                const atom x = {.column = own, .kind = VALUE}, y = {.column = other, .kind = VALUE};
-                const atom xx = {.column = own, .kind = SQUARE};
-                const atom yy = {.column = other, .kind = SQUARE};
-                if (pass == 0) {
-                    add_force(v, &forces, i, x, (atom){0}, own);
-                    add_force(v, &forces, i, xx, (atom){0}, own);
-                    add_force(v, &forces, i, xx, x, own);
-                    add_force(v, &forces, i, y, (atom){0}, own);
-                    known = forces.count;
-                } else {
-                    add_force(v, &forces, i, x, yy, own);
-                    add_force(v, &forces, i, x, y, own);
+        double gain[2] = {0}; // by a spring between them, by products
+        for (int k = 0; k < 2; ++k) {
+            term_list forces = {0};
+            int known = 0;
+            for (int pass = 0; pass < 2; ++pass) {
+                for (int end = 0; end < 2; ++end) {
+                    const int own = end == 0 ? q : r, other = end == 0 ? r : q;
+                    const atom x = {.column = own, .kind = VALUE};
+                    const atom y = {.column = other, .kind = VALUE};
+                    const atom xx = {.column = own, .kind = SQUARE};
+                    const atom yy = {.column = other, .kind = SQUARE};
+                    const atom d = {.column = own, .kind = APART, .other = other};
+                    if (pass == 0) {
+                        add_force(v, &forces, i, x, (atom){0}, own);
+                        add_force(v, &forces, i, xx, (atom){0}, own);
+                        add_force(v, &forces, i, xx, x, own);
+                        add_force(v, &forces, i, y, (atom){0}, own);
+                        known = forces.count;
+                    } else if (k == 0 && !v->column[own].guided && v->column[own].mate == i) {
+                        forces.item[forces.count++] = (regressor){{d, d}};
+                        forces.item[forces.count++] = (regressor){{d, d, d}};
+                    } else if (k == 1) {
+                        add_force(v, &forces, i, x, yy, own);
+                        add_force(v, &forces, i, x, y, own);
+                    }
                 }
             }
+            gain[k] = forces.count > known ? gain_of(w, i, &forces, known, work, NULL) : 0;
         }
-        if (forces.count > known && gain_of(w, i, &forces, known, work, NULL) > GAINS) {
+        if (gain[1] > GAINS && gain[1] > gain[0]) {
             return true;
         }
     }
@@ -707,39 +749,6 @@ static void correct_leaks(const pm_logger_samples *w, equations *work) {
     }
 }
 
-// Returns true if squares of velocities times functions of positions change velocity i, beside
-// forces of the positions: inertias that depend on positions do this.
-static bool is_inertial(const pm_logger_samples *w, int i, equations *work) {
-    const pm_logger_view *v = w->view;
-    const int part = v->column[i].part;
-    term_list terms = {0};
-    add_known(v, &terms, i);
-    add_term(&terms, i, VALUE, i, SIZE);
-    for (int q = 0; q < v->nvariable; ++q) {
-        const pm_logger_column *a = &v->column[q];
-        if (a->kind != PM_LOGGER_POSITION || a->part != part) {
-            continue;
-        }
-        if (a->angle && a->waves) {
-            add_angle(&terms, q, ONE, q, 1, FEWEST_HARMONICS);
-        }
-        for (int r = 0; r < v->nvariable; ++r) {
-            if (v->column[r].kind == PM_LOGGER_POSITION && v->column[r].part == part) {
-                add_term(&terms, q, VALUE, r, VALUE);
-                add_term(&terms, q, VALUE, r, SQUARE);
-            }
-        }
-    }
-    const int forces = terms.count;
-    for (int j = 0; j < v->nvariable; ++j) {
-        if (v->column[j].kind == PM_LOGGER_FLOW && v->column[j].part == part &&
-            v->column[j].mate >= 0) {
-            add_positions(v, &terms, part, j, SQUARE, true);
-        }
-    }
-    return gain_of(w, i, &terms, forces, work, NULL) > GAINS;
-}
-
 // Returns true if a length stores energy together with another one.
 static bool stores_with_others(const pm_logger_view *v, int q) {
     bool found = false;
@@ -809,15 +818,37 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             find_energy(w, i, work);
         }
     }
+    for (int part = 0; part < v->npart; ++part) {
+        // Where inertias depend on several positions, squares of velocities times functions of
+        // positions change velocities, beside forces of the positions.
+        double gain = 0, rest = 0;
+        for (int i = 0; i < v->nvariable; ++i) {
+            const pm_logger_column *y = &v->column[i];
+            if (y->part != part || y->kind != PM_LOGGER_FLOW || y->mate < 0 ||
+                stores_with_others(v, y->mate)) {
+                continue;
+            }
+            term_list terms = {0};
+            add_known(v, &terms, i);
+            add_term(&terms, i, VALUE, i, SIZE);
+            const int forces = terms.count;
+            for (int j = 0; j < v->nvariable; ++j) {
+                if (v->column[j].kind == PM_LOGGER_FLOW && v->column[j].part == part &&
+                    v->column[j].mate >= 0) {
+                    add_positions(v, &terms, part, j, SQUARE, true);
+                }
+            }
+            gain += gain_of(w, i, &terms, forces, work, NULL);
+            rest += work->rest;
+        }
+        v->inertial[part] = gain > GAINS && gain > LARGE_PART * rest;
+    }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
         if (y->kind != PM_LOGGER_FLOW || y->relaxes > 0) {
             continue;
         }
         find_bends(w, i, work);
-        if (y->mate >= 0 && !stores_with_others(v, y->mate)) {
-            v->inertial[y->part] = v->inertial[y->part] || is_inertial(w, i, work);
-        }
         term_list turning = {0};
         if (pm_logger_is_rigid(v, i)) {
             // Its inertia is constant: what turns is how it moves positions or other velocities.

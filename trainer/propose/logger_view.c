@@ -438,7 +438,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
     for (int q = 0; q < view->nvariable; ++q) {
         find_length(w, q);
     }
-    PM_TRY(pm_logger_find_guides(w));
+    PM_TRY(pm_logger_find_guides(w, false));
     const int measured = view->nvariable;
     for (int c = 0; c < measured; ++c) {
         pm_logger_column *column = &view->column[c];
@@ -703,9 +703,9 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     }
 }
 
-// Finds flows that carry entropy: a difference of two temperatures drives the flow, which cools one
-// and warms the other.
-static void find_carriers(pm_logger_view *view) {
+// Finds how motion and flows exchange energy with heat. A flow carries entropy where a difference
+// of two temperatures drives it, and it cools one and warms the other.
+static void find_exchange(pm_logger_view *view) {
     for (int i = 0; i < view->nvariable; ++i) {
         for (int a = 0; a < view->nvariable && view->column[i].kind == PM_LOGGER_FLOW; ++a) {
             for (int b = 0; b < view->nvariable; ++b) {
@@ -730,12 +730,8 @@ static void find_carriers(pm_logger_view *view) {
             }
         }
     }
-}
-
-// Finds positions on which the entropy of a temperature of their part depends: the temperature
-// changes with the velocity, and the velocity with the temperature. This makes heat and motion
-// energies of one unit.
-static void find_expansion(pm_logger_view *view) {
+    // The entropy of a temperature may depend on a position of its part: the temperature changes
+    // with the velocity, and the velocity with the temperature.
     for (int q = 0; q < view->nvariable; ++q) {
         const int i = view->column[q].mate;
         for (int t = 0; t < view->nvariable; ++t) {
@@ -842,8 +838,20 @@ static void find_scales(pm_logger_samples *w) {
             if (to == view->nvariable) {
                 break;
             }
-            view->column[to].inertia = 1;
-            view->column[to].free_scale = true;
+            // Other velocities of a part may share an inertia with it: to begin with, they have
+            // equal energies.
+            pm_logger_column *unit = &view->column[to];
+            int like = -1;
+            for (int i = 0; i < view->nvariable; ++i) {
+                const pm_logger_column *y = &view->column[i];
+                like = known[i] && y->part == unit->part && y->mate >= 0 && unit->mate >= 0 &&
+                               pm_logger_is_velocity(y) && pm_logger_is_velocity(unit)
+                           ? i
+                           : like;
+            }
+            const double ratio = like >= 0 ? view->column[like].deviation / unit->deviation : 0;
+            unit->inertia = ratio > 0 ? view->column[like].inertia * ratio * ratio : 1;
+            unit->free_scale = !(ratio > 0);
         }
         known[to] = true;
     }
@@ -966,20 +974,6 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
             pm_logger_is_coupled(view, i, j, true));
 }
 
-// Finds velocities of a part that turn into each other by a constant: each changes the other one,
-// with opposite signs.
-static void find_circles(pm_logger_view *view) {
-    for (int i = 0; i < view->nvariable; ++i) {
-        for (int j = i + 1; j < view->nvariable; ++j) {
-            const pm_logger_column *a = &view->column[i], *b = &view->column[j];
-            view->circles[i][j] = a->part == b->part && pm_logger_is_velocity(a) &&
-                                  pm_unit_equal(&a->dimension, &b->dimension) &&
-                                  changes(view, i, j) && changes(view, j, i) &&
-                                  view->coupling[i][j] * view->coupling[j][i] < 0;
-        }
-    }
-}
-
 // Finds the ports: those of the hints, or between parts of which one moves the other.
 static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) {
     for (int i = 0; i < hints->nport; ++i) {
@@ -1022,6 +1016,17 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
                 c[j].kind == PM_LOGGER_LEVEL && view->coupling[j][i] > 0 &&
                 view->share[j][i] > MOVES &&
                 (c[i].behind == j || view->coupling[j][i] > fabs(view->coupling[i][j]));
+        }
+    }
+    // Velocities turn into each other by a constant where each changes the other one, with opposite
+    // signs.
+    for (int i = 0; i < view->nvariable; ++i) {
+        for (int j = i + 1; j < view->nvariable; ++j) {
+            const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+            view->circles[i][j] = a->part == b->part && pm_logger_is_velocity(a) &&
+                                  pm_unit_equal(&a->dimension, &b->dimension) &&
+                                  changes(view, i, j) && changes(view, j, i) &&
+                                  view->coupling[i][j] * view->coupling[j][i] < 0;
         }
     }
     // What a port between parts may do: conduct heat, let fluid fall, and couple co-energies of
@@ -1188,7 +1193,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
         view->hides = view->hides || column->saturates;
     }
     pm_logger_regress_all(&w);
-    PM_TRY_DONE(pm_logger_correct_guides(&w));
+    PM_TRY_DONE(pm_logger_find_guides(&w, true));
     for (int i = 0; i < view->npart; ++i) {
         view->thermometer[i] = -1;
         for (int c = view->nvariable - 1; c >= 0; --c) {
@@ -1198,12 +1203,10 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
                 measured && column->kind == PM_LOGGER_TEMPERATURE ? c : view->thermometer[i];
         }
     }
-    find_circles(view);
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);
-    find_carriers(view);
-    find_expansion(view);
+    find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
     leave_idle_ports(view);
     find_surroundings(view);
