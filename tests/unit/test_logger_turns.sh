@@ -1,0 +1,76 @@
+#!/bin/sh
+# test_logger_turns.sh PORTMET_TRAIN [short]: tables in which velocities turn: a robot on wheels, a flywheel with a crank, a
+# rigid body, a charge in a magnetic field, and a current that carries entropy. Proposals find how, and fits to some of
+# them are good. `short` fits the robot alone.
+. "$(dirname "$0")/../support/setting.sh"
+train=$1
+short=${2:-}
+program=$train
+
+# write NAME COUNT HEADER BEGIN STEP: COUNT tables of 120 samples 0.02 s apart. BEGIN is executed first, STEP 20 times
+# between two samples, with the time step h; the values are y[1], y[2], ..., and u changes each 15 samples.
+write() {
+    name=$1 count=$2 header=$3 begin=$4 step=$5
+    for i in $(seq "$count"); do
+        awk -v seed="$i" "BEGIN {
+            srand(seed); h = 0.001; print \"t [s],$header\"; $begin
+            for (k = 0; k < 120; k++) {
+                if (k % 15 == 0) u = 2*rand() - 1
+                printf \"%.3f\", 0.02*k; for (j = 1; j <= n; j++) printf \",%.12g\", y[j]; print driven ? sprintf(\",%.6g\", u) : \"\"
+                for (j = 0; j < 20; j++) { $step }
+            }
+        }" >"$folder/${name}_$i.csv"
+    done
+}
+
+write robot 6 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
+    "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \
+    "y[1] += h*y[4]*cos(y[3]); y[2] += h*y[4]*sin(y[3]); y[3] += h*y[5]
+     a = (10*u - 3*y[4] + 0.6*y[5]*y[5])/2; b = (-0.2*y[5] - 0.6*y[4]*y[5])/0.5; y[4] += h*a; y[5] += h*b"
+succeed "x [m]: a position, moved where other positions point by v" propose --budget 0 --data "$folder"/robot_?.csv --inputs F \
+    -o "$folder/robot"
+grep -q 'x, v, "1.0\*cos(1\*heading)"' "$folder/robot/training.yaml" || fail "propose: expected the cosine of the heading"
+grep -q "gyration_v_w_by_w" "$folder/robot/training.yaml" || fail "propose: the velocities turn into each other"
+sed -i 's/iterations: [0-9]*/iterations: 30/' "$folder/robot/training.yaml"
+succeed "Verdict: good" fit "$folder/robot/training.yaml" -o "$folder/robot/weights"
+[ -n "$short" ] && finish
+
+write crank 6 "angle [rad],n [rad/s],x [m],v [m/s]" \
+    "n = 4; y[1] = 6*rand() - 3; y[2] = 8*rand() - 4; y[3] = 0.1*rand(); y[4] = rand() - 0.5" \
+    "a = -(0.3*sin(y[1])*40*y[3] + 0.02*y[2])/0.1; b = (40*y[3] - 0.3*y[4])/0.5
+     y[1] += h*y[2]; y[3] += h*(0.3*sin(y[1])*y[2] - y[4]); y[2] += h*a; y[4] += h*b"
+succeed "x [m]: a position, moved where other positions point by n and v" propose --budget 0 --data "$folder"/crank_?.csv \
+    --part wheel=angle,n --part slider=x,v --port wheel,slider -o "$folder/crank"
+grep -q 'b.x, a.n, "0.1\*guide_x_n_[0-9]*\*sin(1\*a.angle)"' "$folder/crank/training.yaml" || fail "propose: expected a crank"
+
+write body 6 "w1 [rad/s],w2 [rad/s],w3 [rad/s]" \
+    "n = 3; for (j = 1; j <= 3; j++) y[j] = 6*rand() - 3" \
+    "a = -y[2]*y[3] - 0.1*y[1]; b = 0.75*y[1]*y[3] - 0.1*y[2]; c = 0.2*y[1]*y[2] - 0.1*y[3]; y[1] += h*a; y[2] += h*b; y[3] += h*c"
+succeed "wrote" propose --budget 0 --data "$folder"/body_?.csv -o "$folder/body"
+grep -q "gyration_w1_w2_by_w3" "$folder/body/training.yaml" || fail "propose: a rigid body turns"
+sed -i 's/iterations: [0-9]*/iterations: 30/' "$folder/body/training.yaml"
+succeed "Verdict: good" fit "$folder/body/training.yaml" -o "$folder/body/weights"
+
+write field 6 "x [m],y [m],vx [m/s],vy [m/s]" \
+    "n = 4; for (j = 1; j <= 4; j++) y[j] = 2*rand() - 1; y[1] += 2" \
+    "r = sqrt(y[1]^2 + y[2]^2 + 0.01); f = 4*(1 - 1/r); a = -f*y[1] + 2*y[4] - 0.1*y[3]; b = -f*y[2] - 2*y[3] - 0.1*y[4]
+     y[1] += h*y[3]; y[2] += h*y[4]; y[3] += h*a; y[4] += h*b"
+succeed "wrote" propose --budget 0 --data "$folder"/field_?.csv -o "$folder/field"
+grep -q "vx, vy, .*circling_vx_vy" "$folder/field/training.yaml" || fail "propose: expected a magnetic field"
+grep -q "radius2_x" "$folder/field/training.yaml" || fail "propose: expected an energy of the distance"
+
+write couple 6 "i [A],hot [K],cold [K],P [W]" \
+    "n = 3; driven = 1; y[1] = rand() - 0.5; y[2] = 300 + 20*rand(); y[3] = 290 + 20*rand()" \
+    "a = (0.05*(y[2] - y[3]) - 0.3*y[1])/0.1; b = (-0.05*y[1]*y[2] + 0.3*y[1]*y[1] - 0.5*(y[2] - y[3]) + u)/3
+     c = (0.05*y[1]*y[3] + 0.5*(y[2] - y[3]))/4; y[1] += h*a; y[2] += h*b; y[3] += h*c"
+succeed "i [A]: a co-energy, which carries entropy between hot and cold" propose --budget 0 --data "$folder"/couple_?.csv \
+    --inputs P --part block=i,hot --part sink=cold -o "$folder/couple"
+
+# A piston moves the volume of a chamber in another part, whose gas is warmed by this.
+write gas 6 "v [m/s],x [m],V [L],T [K]" \
+    "n = 4; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand(); y[4] = 290 + 20*rand()" \
+    "p = y[4]/300/y[3]; a = 20*(p - 0.7) - 50*y[2] - 0.5*y[1]; y[4] -= h*0.4*y[4]/y[3]*2*y[1]; y[1] += h*a; y[2] += h*y[1]; y[3] += h*2*y[1]"
+succeed "V [m^3]: a position, whose rate is" propose --budget 0 --data "$folder"/gas_?.csv --part rod=v,x --part gas=V,T -o "$folder/gas"
+grep -q "a.v, b.V, " "$folder/gas/training.yaml" || fail "propose: expected a piston between the parts"
+
+finish
