@@ -38,14 +38,12 @@ score() {
 }
 
 make clean
-make noise --noise 0.01 --seed 1
 make gaps --noise 0.01 --missing 0.5 --seed 2
 make camera --noise 0.001 $missing --seed 3
 if [ "$short" = short ]; then
     score camera double_pendulum_positions double_pendulum_positions 5
     finish
 fi
-score noise double_pendulum_noise double_pendulum 6 0.5 0.8 1.5
 score gaps double_pendulum_noise double_pendulum 6 0.5 0.8 1.5
 score clean double_pendulum_hidden double_pendulum_hidden 3 0.01 0.02
 score camera double_pendulum_positions double_pendulum_positions 6 0.3 0.6
