@@ -346,7 +346,7 @@ for i in 1 2 3 4 5; do
         }
     }' >"$folder/gas_$i.csv"
 done
-succeed "Q [m^3 s^-1]: an input; drives p" propose --budget 0 --data "$folder"/gas_?.csv --inputs Q -o "$folder/gas"
+succeed "Q [m^3/s]: an input; drives p" propose --budget 0 --data "$folder"/gas_?.csv --inputs Q -o "$folder/gas"
 grep -q "isothermal_p" "$folder/gas/training.yaml" || fail "propose: expected a law of gas"
 succeed "Verdict: " fit "$folder/gas/training.yaml" -o "$folder/gas/weights"
 error=$(awk '$1 == "system" && $2 == "p" { print $8 }' "$folder/out")

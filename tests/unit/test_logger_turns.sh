@@ -27,7 +27,7 @@ write robot 6 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
     "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \
     "y[1] += h*y[4]*cos(y[3]); y[2] += h*y[4]*sin(y[3]); y[3] += h*y[5]
      a = (10*u - 3*y[4] + 0.6*y[5]*y[5])/2; b = (-0.2*y[5] - 0.6*y[4]*y[5])/0.5; y[4] += h*a; y[5] += h*b"
-succeed "x [m]: a position, moved where other positions point by v" propose --budget 0 --data "$folder"/robot_?.csv --inputs F \
+succeed "x [m]: a position, moved as angles tell by v" propose --budget 0 --data "$folder"/robot_?.csv --inputs F \
     -o "$folder/robot"
 grep -q 'x, v, "1.0\*cos(1\*heading)"' "$folder/robot/training.yaml" || fail "propose: expected the cosine of the heading"
 grep -q "gyration_v_w_by_w" "$folder/robot/training.yaml" || fail "propose: the velocities turn into each other"
@@ -39,7 +39,7 @@ write crank 6 "angle [rad],n [rad/s],x [m],v [m/s]" \
     "n = 4; y[1] = 6*rand() - 3; y[2] = 8*rand() - 4; y[3] = 0.1*rand(); y[4] = rand() - 0.5" \
     "a = -(0.3*sin(y[1])*40*y[3] + 0.02*y[2])/0.1; b = (40*y[3] - 0.3*y[4])/0.5
      y[1] += h*y[2]; y[3] += h*(0.3*sin(y[1])*y[2] - y[4]); y[2] += h*a; y[4] += h*b"
-succeed "x [m]: a position, moved where other positions point by n and v" propose --budget 0 --data "$folder"/crank_?.csv \
+succeed "x [m]: a position, moved as angles tell by n and v" propose --budget 0 --data "$folder"/crank_?.csv \
     --part wheel=angle,n --part slider=x,v --port wheel,slider -o "$folder/crank"
 grep -q 'b.x, a.n, "0.1\*guide_x_n_[0-9]*\*sin(1\*a.angle)"' "$folder/crank/training.yaml" || fail "propose: expected a crank"
 

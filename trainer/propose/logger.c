@@ -58,7 +58,7 @@ static void describe(const pm_logger_view *v) {
         }
         for (int j = 0, some = 0; j < v->nvariable && column->guided; ++j) {
             if (pm_logger_guides(v, c, j)) {
-                printf("%s %s", some++ == 0 ? ", moved where other positions point by" : " and",
+                printf("%s %s", some++ == 0 ? ", moved as angles tell by" : " and",
                        v->column[j].name);
             }
         }

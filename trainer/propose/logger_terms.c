@@ -69,9 +69,9 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
     case SIGN:
         return y / sqrt(y * y + AT_REST * AT_REST);
     case SINE:
-        return sin(a.harmonic * raw + a.sign * row[a.other]);
+        return sin(a.harmonic * raw + (a.sign != 0 ? a.sign * row[a.other] : 0));
     case COSINE:
-        return cos(a.harmonic * raw + a.sign * row[a.other]);
+        return cos(a.harmonic * raw + (a.sign != 0 ? a.sign * row[a.other] : 0));
     case SQUARE:
         return y * y;
     case APART:

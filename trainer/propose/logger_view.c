@@ -36,27 +36,21 @@ static bool has_unit(const pm_logger_column *c, const char *unit) {
 
 // Returns the text of the SI unit of a quantity that is measured in the unit `text`.
 static const char *si_unit(pm_logger_view *view, const char *text, const pm_unit *unit) {
-    static const char *const base[PM_UNIT_BASES] = {"kg", "m", "s", "A", "K", "mol"};
     pm_unit si = *unit;
+    char name[PM_UNIT_NAME];
     si.factor = 1;
-    const char *symbol = pm_unit_symbol(&si);
+    si.offset = 0;
     if (!unit->known || *text == '\0') {
         return "1";
     }
     if (unit->factor == 1 && unit->offset == 0) {
         return text;
     }
-    if (symbol != NULL) {
-        return symbol;
+    if (!pm_unit_name(&si, name)) {
+        return "1";
     }
-    symbol = unit->angle ? "rad" : "";
-    for (int k = 0; k < PM_UNIT_BASES && symbol != NULL; ++k) {
-        if (unit->power[k] != 0) {
-            symbol = pm_arena_printf(&view->arena, "%s%s%s^%d", symbol, *symbol == '\0' ? "" : " ",
-                                     base[k], unit->power[k]);
-        }
-    }
-    return symbol != NULL && *symbol == '\0' ? "1" : symbol;
+    const bool angle = unit->angle && *name == '1';
+    return pm_arena_printf(&view->arena, "%s%s", angle ? "rad" : "", name + angle);
 }
 
 // --- what columns are ---
