@@ -487,9 +487,12 @@ pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
         memset(keep, true, sizeof keep);
         const double rest = rest_of_some(work, keep, work + 2, x);
         v->column[i].unexplained = rest;
+        // Beside springs, friction between velocities shows better; all else as well without them.
         for (int j = 0; j < v->ncolumn; ++j) {
             keep[1 + j] = false;
-            v->share[i][j] = rest_of_some(work, keep, work + 2, x) - rest;
+            v->share[i][j] = pm_logger_is_rigid(v, i) || pm_logger_is_velocity(&v->column[j])
+                                 ? rest_of_some(work, keep, work + 2, x) - rest
+                                 : v->share[i][j];
             keep[1 + j] = true;
         }
     }
