@@ -271,7 +271,7 @@ static pm_status find_laws(hidden_search *s) {
     return try_guesses(s, from);
 }
 
-// What columns have in common behind which something is sought.
+// Columns are grouped by what may be hidden behind them.
 typedef enum column_group { UNPLACED, MOVING, THERMAL } column_group;
 
 // Tries what may be hidden behind the columns of a group, velocities and rates of measured

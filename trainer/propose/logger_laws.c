@@ -108,7 +108,8 @@ static double energy_of(const pm_logger_column *y) {
     return y->inertia * y->deviation * y->deviation;
 }
 // Returns true if an inertia of this part may depend on its positions: it is that of their rates.
-// Where positions are guided instead, how they move depends on positions, and inertias do not.
+// Inertias of velocities that guide positions are constant: how the positions move depends on
+// angles.
 static bool shares_inertia(const pm_logger_writer *w, int c) {
     const pm_logger_view *v = w->v;
     const pm_logger_column *y = &v->column[c];
@@ -937,7 +938,8 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
              t < 0 ? "" : w->v->column[t].name);
     fprintf(w->model, "[%s%s, %s%s, \"", of, w->v->column[c].name, to,
             t < 0 ? "s" : w->v->column[t].name);
-    // What does not heat a thermometer of its part is one more constant: its law is known.
+    // Friction that does not heat a thermometer takes its law from the part that does, but for a
+    // constant.
     pm_logger_column law = *y;
     for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
         law.damped = law.damped && !w->v->warms[c][k];
@@ -963,8 +965,6 @@ static bool shows_no_length(const pm_logger_column *h) {
     return h->source != NULL && !h->feeds && !pm_unit_equal(&h->dimension, &length);
 }
 
-// Returns the law by which fluid leaves a level: a power of it, such as Torricelli's root. It is
-// smooth where the vessel is empty.
 // Returns the law by which fluid spills over the brim of a level, or "0" if it has none.
 const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h) {
     snprintf(text, size, "0");

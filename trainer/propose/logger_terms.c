@@ -2,8 +2,6 @@
 #include "propose/logger_terms.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define MOST (1 + PM_LOGGER_COLUMNS + 63) // terms of a regression
@@ -341,7 +339,7 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
         }
         const double size = fmax(fabs(y->least), fabs(y->largest));
         double factor = x[n++] / size;
-        // What belongs to its own part is its rate before all others.
+        // A velocity of its own part is its rate before all others.
         const double moved = fabs(factor) * y->deviation;
         const bool home = y->part == place->part;
         const bool better = mate < 0 || home > near || (home == near && moved > own);
@@ -426,7 +424,7 @@ static void add_springs(const pm_logger_view *v, term_list *list, int i) {
         if (v->column[q].kind != PM_LOGGER_POSITION || (q != own && v->share[i][q] < GAINS)) {
             continue;
         }
-        // Of small angles sines hardly differ from powers.
+        // Sines of small angles hardly differ from powers.
         const bool turns =
             v->column[q].angle && v->column[q].largest - v->column[q].least > 2 * SMALL_ANGLE;
         if (turns) {
@@ -542,7 +540,8 @@ static bool stores_both(const pm_logger_samples *w, int q, int r, equations *wor
                         add_force(v, &forces, i, xx, x, own);
                         add_force(v, &forces, i, y, (atom){0}, own);
                         known = forces.count;
-                    } else if (k == 0 && !v->column[own].guided && v->column[own].mate == i) {
+                    } else if (k == 0 && !v->column[own].guided && v->column[own].mate == i &&
+                               forces.count + 1 < MOST) {
                         forces.item[forces.count++] = (regressor){{d, d}};
                         forces.item[forces.count++] = (regressor){{d, d, d}};
                     } else if (k == 1) {
@@ -690,8 +689,12 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
             add_term(&terms, j, VALUE, i, SQUARE);
         }
     }
-    set_equations(w, i, true, &terms, work);
     const int base = 1 + v->ncolumn;
+    if (base + terms.count > MOST) { // too many to tell: laws may have all of that
+        y->damped = y->curved = y->bent = true;
+        return;
+    }
+    set_equations(w, i, true, &terms, work);
     double rest[4]; // of all, without friction that depends on i, without any, without what divides
     for (int k = 0; k < 4; ++k) {
         for (int t = 0; t < work->n; ++t) {
@@ -822,7 +825,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
     }
     for (int part = 0; part < v->npart; ++part) {
-        // Where inertias depend on several positions, squares of velocities times functions of
+        // Inertias depend on several positions if squares of velocities times functions of
         // positions change velocities, beside forces of the positions.
         double gain = 0, rest = 0;
         for (int i = 0; i < v->nvariable; ++i) {

@@ -678,8 +678,8 @@ static double answer(const pm_logger_view *view, int i, int j) {
 }
 
 // Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
-// by `cools`. This fixes how large the inertias of flows are beside the capacities of temperatures.
-// What nothing shows yet follows.
+// by `cools`. This fixes how large the inertias of flows are beside the capacities of temperatures:
+// those that nothing shows yet follow from the others.
 static void join_scales(pm_logger_view *view, int i, int t, double pushes, double cools) {
     const pm_logger_column *T = &view->column[t];
     const double moved = T->inertia * fabs(cools / (T->mean * pushes));
@@ -843,7 +843,9 @@ static void find_scales(pm_logger_samples *w) {
                            ? i
                            : like;
             }
-            const double ratio = like >= 0 ? view->column[like].deviation / unit->deviation : 0;
+            const double ratio = like >= 0 && unit->deviation > 0
+                                     ? view->column[like].deviation / unit->deviation
+                                     : 0;
             unit->inertia = ratio > 0 ? view->column[like].inertia * ratio * ratio : 1;
             unit->free_scale = !(ratio > 0);
         }

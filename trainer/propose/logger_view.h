@@ -85,8 +85,8 @@ typedef struct pm_logger_column {
     bool feeds;                        // a level from which fluid falls into another part
     bool rubs;   // a co-energy that loses energy to one of another part; its part takes up the heat
     bool spills; // a level whose vessel has a brim
-    // Of co-energies, as regressions show them: it loses energy at all, by a resistance that
-    // depends on it, and its inductance or capacity depends on it.
+    // A co-energy loses energy; its resistance depends on it; its inductance or capacity does: as
+    // regressions show.
     bool damped, curved, bent;
     double constant;    // the rate that depends on nothing, in its unit per s
     double unexplained; // part of its changes that no column explains, itself included
