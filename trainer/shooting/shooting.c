@@ -15,10 +15,9 @@
 #define HUBER 1.345
 // The least diagonal in relation to the largest, for unknowns on which nothing depends.
 #define LEAST_DIAGONAL 1e-12
-#define LEAST_WEIGHT 1e-10
 #define LEAST_MATRIX 1e-14
 static const pm_damping damping_of_starts = {
-    .first = 1e-2, .smallest = 1e-10, .largest = 1e10, .relax = 0.2, .stiffen = 5};
+    .first = 1e-2, .smallest = 1e-14, .largest = 1e10, .relax = 0.2, .stiffen = 5};
 // Fewer windows than these are linearised along their paths, since the programs work on many states
 // at a time.
 #define FEW (PM_SENSITIVITY_BATCH / 2)
@@ -81,6 +80,7 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     s->terms.first_weight = pm_arena_array(arena, border, sizeof *s->terms.first_weight);
     s->terms.reach = pm_arena_array(arena, border, sizeof *s->terms.reach);
     s->terms.early_reach = pm_arena_array(arena, border, sizeof *s->terms.early_reach);
+    s->terms.size = pm_arena_array(arena, border, sizeof *s->terms.size);
     s->blocks.matrix = pm_arena_array(arena, border * border, sizeof *s->blocks.matrix);
     s->blocks.reduced = pm_arena_array(arena, border * border, sizeof *s->blocks.reduced);
     s->theta = pm_arena_array(arena, border, sizeof *s->theta);
@@ -114,6 +114,9 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     }
     for (size_t c = 0; c < nz; ++c) {
         s->terms.gap[c] = 1;
+    }
+    for (size_t i = 0; i < border; ++i) {
+        s->terms.size[i] = 1;
     }
 done:
     if (status != PM_OK) {
@@ -582,22 +585,27 @@ static bool eliminate(pm_shooting *s, int window, double damping) {
     return true;
 }
 
-// Adds the gaps' rows of weights, which the matrix holds already, and forms the Schur complement.
+// Forms the Schur complement on the weights and solves for them. Steps are damped by their length
+// in units of the weights' sizes. With a damping in proportion to each weight's own diagonal, as
+// Marquardt has it, weights on which little depends run away, and a fit ends in a valley far from
+// its minimum (Transtrum, Sethna, arXiv:1201.5885).
 static bool solve_weights(pm_shooting *s, double damping, double *weights) {
     const ptrdiff_t nb = s->nborder, n = s->nweight;
     memset(s->blocks.reduced, 0, (size_t)(nb * nb) * sizeof *s->blocks.reduced);
     pm_gram_add(s->nwindow * s->nz, s->nborder, s->blocks.solved, s->blocks.reduced);
-    double largest = 0;
+    double largest = 0, mean = 0;
     for (ptrdiff_t i = 0; i < n; ++i) {
-        largest = fmax(largest, s->blocks.matrix[i * (nb + 1)]);
+        const double own = s->blocks.matrix[i * (nb + 1)];
+        largest = fmax(largest, own);
+        mean += own * s->terms.size[i] * s->terms.size[i] / (double)n;
     }
     double *h = s->blocks.reduced;
     for (ptrdiff_t i = 0; i < n; ++i) {
         for (ptrdiff_t k = i; k < nb; ++k) {
             h[i * nb + k] = s->blocks.matrix[i * nb + k] - h[i * nb + k];
         }
-        h[i * (nb + 1)] += damping * s->blocks.matrix[i * (nb + 1)] +
-                           LEAST_WEIGHT * damping * largest + LEAST_MATRIX * largest;
+        h[i * (nb + 1)] +=
+            damping * mean / (s->terms.size[i] * s->terms.size[i]) + LEAST_MATRIX * largest;
         weights[i] = -h[i * nb + n];
     }
     // Closes the gap of the last column, so that the rest is a contiguous matrix of the weights.

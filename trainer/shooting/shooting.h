@@ -6,8 +6,8 @@
 //     + 1/2 sum over trajectories and hidden components of ((first start - guess)/deviation)^2
 //     + 1/2 sum over weights of ((weight - first weight)/reach)^2
 //
-// by Gauss-Newton with Marquardt's damping, where h(z) are the values of the measured columns in
-// the state z, and the integrator computes z(t) from the start of the window. The starts are
+// by damped Gauss-Newton steps (Levenberg, 1944), where h(z) are the values of the measured columns
+// in the state z, and the integrator computes z(t) from the start of the window. The starts are
 // eliminated window by window, so that the cost grows linearly with the number of windows
 // (pm_shooting_solve). As `gap` shrinks, the windows of a trajectory join to one solution.
 #ifndef PM_TRAINER_SHOOTING_SHOOTING_H
@@ -41,6 +41,7 @@ typedef struct pm_shooting_terms {
     double *first_weight, *reach;
     double *early_reach; // [nweight] `reach` while `early` is true
     bool early;
+    double *size; // [nweight] the unit in which the damping measures the change of a weight; 1
     double huber; // residuals beyond this many deviations count less
 } pm_shooting_terms;
 
@@ -103,9 +104,10 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives);
 // Sets the number of steps of the integrator in one dt of the scene for later evaluations.
 void pm_shooting_set_substeps(pm_shooting *s, int substeps);
 
-// Eliminates the starts from the normal equations, whose diagonal is multiplied by 1 + damping, and
-// writes the step of the weights [nweight] and of the starts [nwindow][nz]. Returns false if the
-// equations are singular.
+// Eliminates the starts from the damped normal equations, and writes the step of the weights
+// [nweight] and of the starts [nwindow][nz]. The diagonal of the starts is multiplied by
+// 1 + damping; that of the weights gains `damping` times its mean, in units of their sizes. Returns
+// false if the equations are singular.
 bool pm_shooting_solve(pm_shooting *s, double damping, double *weights, double *z);
 
 typedef struct pm_shooting_progress {
