@@ -22,9 +22,11 @@
 // Trials after the first one end after so many s of CPU time; as many more are for their judgement.
 #define ENDED 15
 #define LEAST 1 // s of CPU time that every trial has
-// More that is hidden must lower the error by this factor. Columns that are predicted as well as
-// their noise allows, or to this part of their deviation, need nothing more.
+// More that is hidden must lower the error by this factor; where one record both teaches a model
+// and judges it, by the smaller one. Columns that are predicted as well as their noise allows, or
+// to this part of their deviation, need nothing more.
 #define BETTER 0.85
+#define MUCH_BETTER 0.6
 #define NOISE_ALONE 2.0
 #define ENOUGH 5e-3
 #define MOST_TRIALS 64
@@ -207,12 +209,13 @@ static pm_status try_guesses(hidden_search *s, int from) {
     }
     PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(longest + ENDED, 2 * left),
                          s->hints->stop, s->trial + from, &s->used));
+    const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
         // Errors as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, 1) : so_far;
-        if (error < (s->best < from ? BETTER : 1) * other) {
+        if (error < (s->best < from ? better : 1) * other) {
             s->best = i;
         }
     }

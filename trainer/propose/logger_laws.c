@@ -22,8 +22,9 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define BENDS 3      // bends of a function of one variable, each of which has a place and a width
-#define MOST_BENDS 8 // likewise, of a function that may be wavy
+#define BENDS 3        // bends of a function of one variable, each of which has a place and a width
+#define MOST_BENDS 8   // likewise, of a function that may be wavy
+#define MOST_SINE 0.95 // at which a place within bounds begins
 
 bool pm_logger_begin(pm_logger_writer *w) {
     w->list = open_memstream(&w->constants, &w->size);
@@ -100,6 +101,22 @@ const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *
         fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name, start / scale);
     }
     snprintf(text, PM_LOGGER_TEXT, "%.6g*%.20s_%.90s", scale, kind, name);
+    return text;
+}
+
+// Adds a learned place between `least` and `largest`, which begins at `start`, unless it is there.
+// Returns the text by which a formula names it, which the next PM_LOGGER_NUMBERS calls leave as it
+// is. A place that could leave the data would never come back: a bend that lies outside of them is
+// a straight line.
+static const char *bounded_place(pm_logger_writer *w, const char *kind, const char *name,
+                                 double start, double least, double largest) {
+    char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
+    const double middle = (least + largest) / 2, half = largest > least ? (largest - least) / 2 : 1;
+    if (!has_constant(w, kind, name)) {
+        fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name,
+                asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)));
+    }
+    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.60s))", middle, half, kind, name);
     return text;
 }
 
@@ -232,9 +249,9 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
         pm_logger_constant(w, kinds[k], n, SMALL * inertia);
         snprintf(x, sizeof x, "(%.40s - %.60s)", name,
-                 pm_logger_number(w, "place", n,
-                                  y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
-                                  y->deviation));
+                 bounded_place(w, "place", n,
+                               y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation, y->least,
+                               y->largest));
         pm_logger_constant(w, "width", n, y->deviation);
         snprintf(root, sizeof root, "sqrt(%s^2 + width_%s^2)", x, n);
         if (k < BENDS) {
@@ -534,7 +551,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             }
             // A spring that softens or hardens at some place.
             const char *bend = pm_logger_number(w, "bend", q->name, 0, energy_of(v));
-            const char *place = pm_logger_number(w, "place", q->name, q->mean, q->deviation);
+            const char *place = bounded_place(w, "place", q->name, q->mean, q->least, q->largest);
             pm_logger_constant(w, "width", q->name, q->deviation);
             fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g", bend, q->name, place,
                     q->name, d);
@@ -586,7 +603,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                             b->name, d, k + 2);
                 }
                 const char *bend = pm_logger_number(w, "bend", both, 0, size);
-                const char *place = pm_logger_number(w, "place", both, 0, d);
+                const char *place = bounded_place(w, "place", both, 0, -d, d);
                 pm_logger_constant(w, "width", both, MIDDLE * d);
                 fprintf(w->model, " + %s*sqrt((%s - %s - %s)^2 + width_%s^2)/%.6g\"\n", bend,
                         a->name, b->name, place, both, d);
@@ -751,7 +768,7 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
         const char *bend = pm_logger_number(w, "bend", n, 0, 1);
-        const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
+        const char *middle = bounded_place(w, "middle", n, first + k * apart, y->least, y->largest);
         pm_logger_constant(w, "range", n, apart);
         if (sign == NULL) {
             fprintf(w->model, " + %s", bend);
