@@ -45,8 +45,7 @@ need_packages() {
     quietly "$logs/packages.log" $as_root apt-get install -y --no-install-recommends $missing
 }
 
-# build_into DIR [CMAKE-OPTION...]: configures the whole tree in DIR, and builds all of it, or $target.
-target=all
+# build_into DIR [CMAKE-OPTION...]: configures and builds the whole tree in DIR.
 build_into() {
     directory=$1
     shift
@@ -56,7 +55,7 @@ build_into() {
     fi
     echo "building in $directory"
     quietly "$directory/configure.log" cmake -S . -B "$directory" "$@"
-    quietly "$directory/build.log" cmake --build "$directory" --target "$target" -j "$(nproc)"
+    quietly "$directory/build.log" cmake --build "$directory" -j "$(nproc)"
 }
 
 # Prints how to start a command in a network of its own, or nothing where that is not allowed.

@@ -17,7 +17,6 @@ fi
 tests=$(($(nproc) + 1))
 failed=0
 if [ "${SANITIZE:-yes}" = yes ]; then
-    target=unit_and_property
     build_into build-clang -DCMAKE_C_COMPILER=clang -DPM_SANITIZE=address,undefined -DPM_WERROR=ON
     export PM_READ_BY_CLANG="$PWD/build-clang" # test_clang leaves out what is compiled there
     for kind in unit property; do
