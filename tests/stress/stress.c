@@ -3,7 +3,8 @@
 // clear error. In both cases energy must be conserved, entropy must not fall, and the recording
 // must be complete.
 //   run_stress CONFIGS EFFORT [CSV]
-// EFFORT 1 is the test; 10 takes some minutes. Exits with 10 if a trial finds a fault (trial.h).
+// EFFORT 0 is the test stress, a quarter of 1, the test stress_long; 10 takes some minutes. Exits
+// with 10 if a trial finds a fault (trial.h).
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -38,6 +39,11 @@ typedef struct subject {
 
 static const char *const methods[] = {"rk4", "rk4_balanced", "discrete_gradient"};
 #define METHODS (sizeof methods / sizeof *methods)
+
+// How many there are of what is to be `count` for effort 1.
+static int times(const stress *t, int count) {
+    return t->effort == 0 ? (count + 3) / 4 : count * t->effort;
+}
 
 // --- subjects ---
 
@@ -114,7 +120,7 @@ static pm_status stress_steps(stress *t, const subject *s, const char *name) {
             trial_row row = {.count = 0};
             snprintf(row.name, sizeof row.name, "%s, step x %g, %s", name, factor[i], methods[m]);
             set_time(s, dt * factor[i], methods[m], substeps);
-            PM_TRY(trial_run(&row, s->system, s->start, 100L * t->effort, t->recording));
+            PM_TRY(trial_run(&row, s->system, s->start, times(t, 100), t->recording));
             finish(t, &row);
         }
     }
@@ -137,7 +143,7 @@ static pm_status stress_states(stress *t, const subject *s, const char *name) {
         set_time(s, s->scene->physics.dt, method, substeps);
         pm_rng rng;
         pm_rng_init(&rng, SEED, i / 2);
-        for (int k = 0; k < 5 * t->effort; ++k) {
+        for (int k = 0; k < times(t, 5); ++k) {
             double z[2 * LINK_SIZE], low[2 * LINK_SIZE], high[2 * LINK_SIZE];
             for (int j = 0; j < s->reference->ntime; ++j) {
                 pm_columns_to_state(&columns, pm_dataset_state(s->reference, 0, j), z);
@@ -150,7 +156,7 @@ static pm_status stress_states(stress *t, const subject *s, const char *name) {
                 const double side = pm_rng_below(&rng, 2) == 0 ? -1 : 1;
                 z[c] = 0.5 * (low[c] + high[c]) + 0.5 * side * reach[i / 2] * (high[c] - low[c]);
             }
-            PM_TRY(trial_run(&row, s->system, z, 100, t->recording));
+            PM_TRY(trial_run(&row, s->system, z, t->effort == 0 ? 50 : 100, t->recording));
         }
         finish(t, &row);
     }
@@ -176,7 +182,7 @@ static pm_status stress_conduction(stress *t, const subject *s) {
             const int n = m == 2 ? 1 : substeps;
             snprintf(row.name, sizeof row.name, "K = %g W/K, %s, %d substeps", K[i], methods[m], n);
             set_time(s, s->scene->physics.dt, methods[m], n);
-            PM_TRY(trial_run(&row, s->system, s->start, 200L * t->effort, t->recording));
+            PM_TRY(trial_run(&row, s->system, s->start, times(t, 200), t->recording));
             finish(t, &row);
         }
     }
@@ -194,7 +200,7 @@ static pm_status stress_known(stress *t, const char *K) {
     snprintf(row.name, sizeof row.name, "known, K = %s W/K, discrete_gradient, 1 substep", K);
     PM_TRY_DONE(subject_open_edited(&s, t, "analytic_double_pendulum", "{K: 0.5}", constant));
     set_time(&s, s.scene->physics.dt, "discrete_gradient", 1);
-    PM_TRY_DONE(trial_run(&row, s.system, s.start, 200L * t->effort, t->recording));
+    PM_TRY_DONE(trial_run(&row, s.system, s.start, times(t, 200), t->recording));
     finish(t, &row);
 done:
     subject_close(&s);
@@ -212,7 +218,7 @@ static pm_status stress_passes(stress *t, const subject *s, const char *name) {
         snprintf(row.name, sizeof row.name, "%s, passing at %g m, %s", name, d, method);
         set_time(s, s->scene->physics.dt, method, substeps);
         const double z[2 * LINK_SIZE] = {2, d, -1, 0, 0, d, -2, 0, 1, 0};
-        PM_TRY(trial_run(&row, s->system, z, 100L * t->effort, t->recording));
+        PM_TRY(trial_run(&row, s->system, z, times(t, 100), t->recording));
         finish(t, &row);
     }
     set_time(s, s->scene->physics.dt, "rk4", substeps);
@@ -232,7 +238,7 @@ static pm_status stress_single_precision(stress *t, const subject *s, const char
     }
     trial_row row = {.count = 0};
     snprintf(row.name, sizeof row.name, "%s, weights in single precision", name);
-    PM_TRY(trial_run(&row, s->system, s->start, 200L * t->effort, t->recording));
+    PM_TRY(trial_run(&row, s->system, s->start, times(t, 200), t->recording));
     finish(t, &row);
     return PM_OK;
 }
@@ -243,7 +249,7 @@ static pm_status stress_weights(stress *t, const char *name) {
     for (size_t m = 0; m < METHODS; ++m) {
         trial_row row = {.count = 0};
         snprintf(row.name, sizeof row.name, "%s, random weights, %s", name, methods[m]);
-        for (int i = 0; i < 10 * t->effort * t->effort; ++i) {
+        for (int i = 0; i < times(t, 10) * (t->effort == 0 ? 1 : t->effort); ++i) {
             subject s = {.scene = NULL};
             pm_rng rng;
             pm_rng_init(&rng, SEED, (uint64_t)i);
@@ -310,7 +316,7 @@ static pm_status stress_chain(stress *t, int n, const char *method) {
     snprintf(row.name, sizeof row.name, "chain of %d links, %s", n, method);
     set_time(&s, 0.2, method, 6);
     // A step of discrete_gradient takes longer in proportion to the square of the length, at least.
-    const long steps = t->effort > 1 || n <= 10 ? 50L * t->effort : 500 / n;
+    const long steps = t->effort > 1 || n <= 10 ? times(t, 50) : times(t, 500 / n);
     PM_TRY_DONE(trial_run(&row, s.system, s.start, steps, t->recording));
     finish(t, &row);
 done:
@@ -358,7 +364,7 @@ static pm_status stress_all(stress *t) {
 }
 
 int main(int argc, char **argv) {
-    if (argc < 3 || argc > 4 || atoi(argv[2]) < 1) {
+    if (argc < 3 || argc > 4 || atoi(argv[2]) < 0) {
         fprintf(stderr, "usage: run_stress CONFIGS EFFORT [CSV]\n");
         return PM_EUSAGE;
     }
