@@ -668,7 +668,7 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
 
 // Finds whether co-energy i is damped, by a resistance that depends on it, and whether its
 // inductance or capacity, which divides all that moves it, depends on it. What nobody measures may
-// be all of that.
+// be all of that, but for a hidden force: it is damped as a velocity is.
 static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     const pm_logger_view *v = w->view;
     pm_logger_column *y = &w->view->column[i];
@@ -708,9 +708,10 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     const double least = fmax(FAINT, SHOWN * rest[0]);
     // Chance explains one part of so many windows.
     const double chance = rest[0] / (work->count > 0 ? work->count : 1);
-    y->curved = hidden || rest[1] - rest[0] > least;
-    y->damped = y->curved || rest[2] - rest[0] > DAMPED * chance;
-    y->bent = hidden || rest[3] - rest[0] > least;
+    const bool force = y->behind >= 0 && v->column[y->behind].mate >= 0;
+    y->curved = !force && (hidden || rest[1] - rest[0] > least);
+    y->damped = force || y->curved || rest[2] - rest[0] > DAMPED * chance;
+    y->bent = !force && (hidden || rest[3] - rest[0] > least);
 }
 
 // An input that warms a temperature may rather set how well heat is conducted away: then the
