@@ -87,7 +87,7 @@ static void measure(void *context, int i) {
 static const char *explain(const rollout *r, char *text, size_t size) {
     const pm_rollout_result *result = &r->result;
     if (result->status != PM_OK) {
-        snprintf(text, size, "%s", result->why);
+        snprintf(text, size, "in step %ld: %s", result->steps + 1, result->why);
     } else if (result->violations > 0) {
         snprintf(text, size, "%ld of %ld steps violate a law or have not converged",
                  result->violations, result->steps);
@@ -365,13 +365,14 @@ const pm_command pm_command_stress = {
         "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
         "step; with a subsystem that is set to another state in the middle; and for a million\n"
         "steps, or as many as fit into a quarter of the --budget of CPU time of the busiest\n"
-        "process (--compiled: three times as many). Prints for each kind how many rollouts were "
-        "good, drifted (the total energy by\n"
-        "more than 1 % of the energy that moves) or broke (an error, a violated law, no\n"
-        "convergence, a drift of 10 %), the largest drift and fall of the entropy, the steps\n"
-        "outside the training range, and a map of start and step. --write writes the scene of the\n"
-        "first failure, with its start. The same --seed takes the same starts. Exit code 14: the\n"
-        "scene's own settings did not hold within the training range.",
+        "process (--compiled: three times as many). Prints for each kind how many rollouts were\n"
+        "good, drifted (the total energy by more than 1 % of the energy that moves) or broke (an\n"
+        "error, a violated law, no convergence, a drift of 10 %), the largest drift and fall of "
+        "the\n"
+        "entropy, the steps outside the training range, and a map of start and step. --write "
+        "writes\n"
+        "the scene of the first failure, with its start. The same --seed takes the same starts.\n"
+        "Exit code 14: the scene's own settings did not hold within the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",
     .accepts = "steps weights study compiled json",
