@@ -24,7 +24,7 @@
 #define MOST_STEPS 40        // of a rollout
 #define LEAST_STEPS 4        // of a rollout, however slow the scene is
 #define MOST_SETTINGS 160    // integrators with substeps or tolerances
-#define LEAST_STARTS 4       // however slow the scene is
+#define LEAST_STARTS 4       // however slow the scene is, or many --steps are asked for
 #define MOST_ROUNDS 128      // exchanges in a step of the finest setting, or
 #define MOST_TIMES 4         // times as many as the scene makes
 #define REFERENCE_ROUNDS 768 // exchanges in a step of a reference
@@ -464,8 +464,9 @@ static pm_status execute(const pm_run_options *options) {
     const double alone = 2 * REFERENCE_ROUNDS;
     const double shared = fmax(ALL_ROUNDS, ALL_TIMES * rounds) - alone;
     const double fit = SHARE * budget / (cost * (alone + shared / pm_rollout_nworker()) * b.nstart);
-    if (fit < LEAST_STEPS) {
-        b.nstart = (int)fmax(fmin(LEAST_STARTS, b.nstart), b.nstart * fit / LEAST_STEPS);
+    const int least = options->steps > 0 ? b.base.scene->run.steps : LEAST_STEPS;
+    if (fit < least) {
+        b.nstart = (int)fmax(fmin(LEAST_STARTS, b.nstart), b.nstart * fit / least);
     }
     b.steps = fit < LEAST_STEPS ? LEAST_STEPS : fit > MOST_STEPS ? MOST_STEPS : (int)fit;
     if (options->steps > 0 || b.base.scene->run.steps < b.steps) {
