@@ -101,10 +101,11 @@ static const char *explain(const rollout *r, char *text, size_t size) {
 static pm_status report(stress *t) {
     const pm_run_options *options = t->options;
     const rollout *first = NULL, *beyond = NULL; // failures
-    int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}};
+    int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}}, left = 0;
     char text[512], quoted[600];
     for (int i = 0; i < t->count; ++i) {
         const rollout *r = &t->rollout[i];
+        left += !r->done;
         if (!r->done || r->refused) {
             continue;
         }
@@ -190,6 +191,9 @@ static pm_status report(stress *t) {
         const char *const drawn[] = {"stress", options->picture, NULL};
         fclose(file);
         PM_TRY(pm_python_run(&pm_python_pictures, drawn, false));
+    }
+    if (!options->json && left > 0) {
+        printf("\n%d of %d rollouts are left out: they need a larger --budget.\n", left, t->count);
     }
     const rollout *shown = first != NULL ? first : beyond;
     if (options->write != NULL && shown != NULL) {
@@ -312,6 +316,12 @@ static pm_status execute(const pm_run_options *options) {
         t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
         t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
     }
+    if (t.base.boundary_input.end > LONG) { // before longer steps, which may use up the budget
+        pm_stepping many = own;
+        many.steps = options->steps > 0 ? MANY * own.steps : LONG;
+        add(&t, "many steps from the scene's start", &start[0][0], &many, 1, -1, 0);
+        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
+    }
     for (int l = 1; l < LENGTHS; ++l) {
         for (int k = 0; k < WIDTHS; ++k) {
             for (int i = k > 0; i < nstart[k] && i < BEYOND + (k > 0); ++i) {
@@ -341,11 +351,6 @@ static pm_status execute(const pm_run_options *options) {
             t.rollout[t.count - 1].spec.drive = (pm_drive)d;
             t.rollout[t.count - 1].own = false;
         }
-    }
-    if (t.base.boundary_input.end > LONG) {
-        own.steps = options->steps > 0 ? MANY * own.steps : LONG;
-        add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
-        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
     }
     PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, &left, "stress", options->stop));
     status = report(&t);

@@ -59,6 +59,8 @@ grep -Eq "became -?nan|the total energy has drifted" "$folder/out" "$folder/err"
 "$portmetd" stress "$folder/fast.yaml" --steps 20 --budget 300 --json >"$folder/stress.json" 2>/dev/null
 python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert not t["held"] and len(t["rollouts"]) > 5' \
     "$folder/stress.json" || fail "stress --json"
+sed 's/substeps: 16/&, tolerance: 1.0e-7/' "$known" >"$folder/slow.yaml"
+succeed "rollouts are left out: they need a larger --budget" stress "$folder/slow.yaml" --steps 200 --budget 0.1
 sed 's/^start: .*/start: [1, 2]/' "$folder/fast.yaml" >"$folder/short.yaml"
 expect 3 "start: expected 10 numbers, found 2" check "$folder/short.yaml"
 
