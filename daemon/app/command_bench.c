@@ -24,7 +24,7 @@
 #define MOST_STEPS 40        // of a rollout
 #define LEAST_STEPS 4        // of a rollout, however slow the scene is
 #define MOST_SETTINGS 160    // integrators with substeps or tolerances
-#define LEAST_STARTS 4       // however slow the scene is
+#define LEAST_STARTS 4       // however slow the scene is, or many --steps are asked for
 #define MOST_ROUNDS 128      // exchanges in a step of the finest setting, or
 #define MOST_TIMES 4         // times as many as the scene makes
 #define REFERENCE_ROUNDS 768 // exchanges in a step of a reference
@@ -410,10 +410,24 @@ static pm_status report(const bench *b, double target) {
         } else if (best != own) {
             snprintf(scene, sizeof scene, ": the scene's own setting fails");
         }
-        printf("\nFor %g %% take %s%s, %.2g %%.\n", 100 * target, describe(best, text, sizeof text),
-               scene, 100 * best->error);
+        printf("\nFor %g %% take %s%s, %.2g %% over %g s.\n", 100 * target,
+               describe(best, text, sizeof text), scene, 100 * best->error,
+               b->steps * best->stepping.dt);
     }
     return PM_OK;
+}
+
+// Adds a setting with the step of the scene's own, which is there already.
+static void add(bench *b, const pm_integrator *integrator, int substeps, double tolerance) {
+    const pm_stepping *own = &b->setting[0].stepping;
+    if (b->nsetting < MOST_SETTINGS && (integrator != own->integrator ||
+                                        substeps != own->substeps || tolerance != own->tolerance)) {
+        pm_stepping *added = &b->setting[b->nsetting++].stepping;
+        *added = *own;
+        added->integrator = integrator;
+        added->substeps = substeps;
+        added->tolerance = tolerance;
+    }
 }
 
 static pm_status execute(const pm_run_options *options) {
@@ -421,6 +435,7 @@ static pm_status execute(const pm_run_options *options) {
     const double budget = options->budget > 0 ? options->budget : BUDGET;
     const double target = options->error > 0 ? options->error : ERROR;
     double left = budget;
+    pm_setup fixed = {0};
     pm_rollout_result trial;
     pm_status status;
     if (options->processes) {
@@ -432,19 +447,26 @@ static pm_status execute(const pm_run_options *options) {
     const int rounds = physics->substeps * physics->integrator->nstage;
     b.nstart = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1, TRAJECTORIES, STARTS, 0,
                                  &b.base.arena, b.start);
-    // How many steps fit into the budget follows from the time that a few of the scene's take.
+    // How many steps fit into the budget follows from the time that a few take without a tolerance,
+    // whose exchanges are known.
     const pm_stepping own = {physics->integrator, physics->substeps, physics->tolerance,
                              physics->dt, b.base.scene->run.steps};
-    const pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};
-    pm_rollout_run(&b.base, &b.start[0], &spec, NULL, &trial);
+    pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};
+    spec.stepping.tolerance = 0;
+    PM_TRY_DONE(pm_rollout_open(&fixed, &b.base, b.text, &spec.stepping));
+    pm_rollout_run(&fixed, &b.start[0], &spec, NULL, &trial);
     if (b.nstart < 1 || trial.steps < 1) {
         PM_TRY_DONE(
             pm_fail(trial.status == PM_OK ? PM_ENOMEM : trial.status, "bench: %s", trial.why));
     }
     const double cost = trial.seconds / (double)trial.steps / rounds; // s, of an exchange
-    const double fit = SHARE * budget / (cost * fmax(ALL_ROUNDS, ALL_TIMES * rounds) * b.nstart);
-    if (fit < LEAST_STEPS) {
-        b.nstart = (int)fmax(fmin(LEAST_STARTS, b.nstart), b.nstart * fit / LEAST_STEPS);
+    // Each reference is the task of one worker, and all workers share the rest.
+    const double alone = 2 * REFERENCE_ROUNDS;
+    const double shared = fmax(ALL_ROUNDS, ALL_TIMES * rounds) - alone;
+    const double fit = SHARE * budget / (cost * (alone + shared / pm_rollout_nworker()) * b.nstart);
+    const int least = options->steps > 0 ? b.base.scene->run.steps : LEAST_STEPS;
+    if (fit < least) {
+        b.nstart = (int)fmax(fmin(LEAST_STARTS, b.nstart), b.nstart * fit / least);
     }
     b.steps = fit < LEAST_STEPS ? LEAST_STEPS : fit > MOST_STEPS ? MOST_STEPS : (int)fit;
     if (options->steps > 0 || b.base.scene->run.steps < b.steps) {
@@ -475,20 +497,14 @@ static pm_status execute(const pm_run_options *options) {
         const pm_integrator *rk = pm_integrator_find(name);
         // Methods of low order need more substeps than the others for the same error.
         for (size_t i = 0; i < sizeof ladder / sizeof *ladder; ++i) {
-            if (ladder[i] * rk->nstage <= most && b.nsetting < MOST_SETTINGS) {
-                b.setting[b.nsetting].stepping = own;
-                b.setting[b.nsetting].stepping.integrator = rk;
-                b.setting[b.nsetting].stepping.substeps = ladder[i];
-                b.setting[b.nsetting++].stepping.tolerance = 0;
+            if (ladder[i] * rk->nstage <= most) {
+                add(&b, rk, ladder[i], 0);
             }
         }
         // Substeps by tolerance, and never fewer than the scene takes where its method needs them.
         for (int k = 0; k < (own.substeps > 1 ? 2 : 1) && rk->embedded > 0; ++k) {
-            for (int digits = 2; digits <= 7 && b.nsetting < MOST_SETTINGS; ++digits) {
-                b.setting[b.nsetting].stepping = own;
-                b.setting[b.nsetting].stepping.integrator = rk;
-                b.setting[b.nsetting].stepping.substeps = k == 0 ? 1 : own.substeps;
-                b.setting[b.nsetting++].stepping.tolerance = pow(10, -digits);
+            for (int digits = 2; digits <= 7; ++digits) {
+                add(&b, rk, k == 0 ? 1 : own.substeps, pow(10, -digits));
             }
         }
     }
@@ -513,6 +529,7 @@ static pm_status execute(const pm_run_options *options) {
     status = report(&b, target / 100);
 done:
     free(b.text);
+    pm_setup_free(&fixed);
     pm_setup_free(&b.base);
     return status;
 }

@@ -87,7 +87,7 @@ static void measure(void *context, int i) {
 static const char *explain(const rollout *r, char *text, size_t size) {
     const pm_rollout_result *result = &r->result;
     if (result->status != PM_OK) {
-        snprintf(text, size, "%s", result->why);
+        snprintf(text, size, "in step %ld: %s", result->steps + 1, result->why);
     } else if (result->violations > 0) {
         snprintf(text, size, "%ld of %ld steps violate a law or have not converged",
                  result->violations, result->steps);
@@ -101,10 +101,11 @@ static const char *explain(const rollout *r, char *text, size_t size) {
 static pm_status report(stress *t) {
     const pm_run_options *options = t->options;
     const rollout *first = NULL, *beyond = NULL; // failures
-    int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}};
+    int map[WIDTHS][LENGTHS][NVERDICT] = {{{0}}}, left = 0;
     char text[512], quoted[600];
     for (int i = 0; i < t->count; ++i) {
         const rollout *r = &t->rollout[i];
+        left += !r->done;
         if (!r->done || r->refused) {
             continue;
         }
@@ -190,6 +191,9 @@ static pm_status report(stress *t) {
         const char *const drawn[] = {"stress", options->picture, NULL};
         fclose(file);
         PM_TRY(pm_python_run(&pm_python_pictures, drawn, false));
+    }
+    if (!options->json && left > 0) {
+        printf("\n%d of %d rollouts are left out: they need a larger --budget.\n", left, t->count);
     }
     const rollout *shown = first != NULL ? first : beyond;
     if (options->write != NULL && shown != NULL) {
@@ -312,6 +316,12 @@ static pm_status execute(const pm_run_options *options) {
         t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
         t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
     }
+    if (t.base.boundary_input.end > LONG) { // before longer steps, which may use up the budget
+        pm_stepping many = own;
+        many.steps = options->steps > 0 ? MANY * own.steps : LONG;
+        add(&t, "many steps from the scene's start", &start[0][0], &many, 1, -1, 0);
+        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
+    }
     for (int l = 1; l < LENGTHS; ++l) {
         for (int k = 0; k < WIDTHS; ++k) {
             for (int i = k > 0; i < nstart[k] && i < BEYOND + (k > 0); ++i) {
@@ -342,11 +352,6 @@ static pm_status execute(const pm_run_options *options) {
             t.rollout[t.count - 1].own = false;
         }
     }
-    if (t.base.boundary_input.end > LONG) {
-        own.steps = options->steps > 0 ? MANY * own.steps : LONG;
-        add(&t, "many steps from the scene's start", &start[0][0], &own, 1, -1, 0);
-        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
-    }
     PM_TRY_DONE(pm_rollout_parallel(0, t.count, measure, &t, &left, "stress", options->stop));
     status = report(&t);
 done:
@@ -365,13 +370,14 @@ const pm_command pm_command_stress = {
         "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
         "step; with a subsystem that is set to another state in the middle; and for a million\n"
         "steps, or as many as fit into a quarter of the --budget of CPU time of the busiest\n"
-        "process (--compiled: three times as many). Prints for each kind how many rollouts were "
-        "good, drifted (the total energy by\n"
-        "more than 1 % of the energy that moves) or broke (an error, a violated law, no\n"
-        "convergence, a drift of 10 %), the largest drift and fall of the entropy, the steps\n"
-        "outside the training range, and a map of start and step. --write writes the scene of the\n"
-        "first failure, with its start. The same --seed takes the same starts. Exit code 14: the\n"
-        "scene's own settings did not hold within the training range.",
+        "process (--compiled: three times as many). Prints for each kind how many rollouts were\n"
+        "good, drifted (the total energy by more than 1 % of the energy that moves) or broke (an\n"
+        "error, a violated law, no convergence, a drift of 10 %), the largest drift and fall of "
+        "the\n"
+        "entropy, the steps outside the training range, and a map of start and step. --write "
+        "writes\n"
+        "the scene of the first failure, with its start. The same --seed takes the same starts.\n"
+        "Exit code 14: the scene's own settings did not hold within the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",
     .accepts = "steps weights study compiled json",

@@ -241,11 +241,15 @@ void *pm_rollout_shared(size_t count, size_t size) {
     return memory == MAP_FAILED ? NULL : memory;
 }
 
+int pm_rollout_nworker(void) {
+    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
+    return (int)(cores < 1 ? 1 : cores > MOST_WORKERS ? MOST_WORKERS : cores);
+}
+
 pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, int i),
                               void *context, double *left, const char *label,
                               const volatile sig_atomic_t *stop) {
-    const long cores = sysconf(_SC_NPROCESSORS_ONLN);
-    const int nworker = (int)(cores < 1 ? 1 : cores > MOST_WORKERS ? MOST_WORKERS : cores);
+    const int nworker = pm_rollout_nworker();
     atomic_int *next = pm_rollout_shared(1, sizeof *next);
     pid_t worker[MOST_WORKERS];
     pm_progress progress;

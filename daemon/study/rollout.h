@@ -71,6 +71,9 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
 int pm_rollout_starts(const pm_setup *setup, uint64_t seed, int trajectories, int count,
                       double widths, pm_arena *arena, pm_start *start);
 
+// Returns the number of child processes that pm_rollout_parallel starts, one for each core.
+int pm_rollout_nworker(void);
+
 // Does work(context, i) for each of the `count` numbers i from `first` on in as many child
 // processes as there are cores. The results must lie in memory from pm_rollout_shared. Returns
 // after all are done, or when the busiest process has used *left seconds of CPU time, when what is

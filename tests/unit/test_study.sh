@@ -31,6 +31,7 @@ assert advice["error"] <= 1e-4 and advice["times_faster"] >= 1, advice
 assert errors(other) != errors(first) or first["starts"] < 3
 END
 succeed "For 1e-06 % take " bench "$scene" --steps 2 --budget 300 --error 1e-6 --write "$folder/advised.yaml"
+grep -q ' % over 0\.1 s\.$' "$folder/out" || fail "bench: how long the runs are"
 succeed "scene pair" check "$folder/advised.yaml"
 grep -q '^time: {dt: 0.05, steps: 2, integrator: ' "$folder/advised.yaml" || fail "bench --write: $(grep -A1 time: "$folder/advised.yaml")"
 mkdir "$folder/away"
@@ -40,7 +41,10 @@ expect 2 "--error: expected" bench "$scene" --error none
 expect 2 "--seed" bench "$scene" --seed 0
 
 # stress: conduction of 300 W/K is too fast for 4 substeps of rk4; from a start within the range.
-succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300
+picture=
+command -v gnuplot >/dev/null && picture="--picture $folder/map" # without a word about places that it lacks
+succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 $picture
+[ -z "$picture" ] || [ -s "$folder/map.svg" ] || fail "stress --picture"
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
 [ -n "${4:-}" ] || succeed "The scene's own settings held" stress "$configs/bouncing_masses.yaml" --steps 20 --budget 300 # moves nothing but by rounding
@@ -49,11 +53,14 @@ sed -n 's/^reference: //p' "$known" | grep -q . || fail "expected a scene with a
 echo "start: [1, 0.1, 0, 0, 0.02, 1, 0.2, 0, 0, 0.1]" >>"$folder/fast.yaml"
 expect 14 "stress: starts within the training range: " stress "$folder/fast.yaml" --steps 20 --budget 300 \
     --write "$folder/broken.yaml"
+grep -Eq "in step [1-9]|in [0-9]+ steps" "$folder/out" || fail "stress: when it broke"
 "$portmetd" run "$folder/broken.yaml" --in-process >"$folder/out" 2>"$folder/err"
 grep -Eq "became -?nan|the total energy has drifted" "$folder/out" "$folder/err" || fail "the scene that broke does not break again"
 "$portmetd" stress "$folder/fast.yaml" --steps 20 --budget 300 --json >"$folder/stress.json" 2>/dev/null
 python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert not t["held"] and len(t["rollouts"]) > 5' \
     "$folder/stress.json" || fail "stress --json"
+sed 's/substeps: 16/&, tolerance: 1.0e-7/' "$known" >"$folder/slow.yaml"
+succeed "rollouts are left out: they need a larger --budget" stress "$folder/slow.yaml" --steps 200 --budget 0.1
 sed 's/^start: .*/start: [1, 2]/' "$folder/fast.yaml" >"$folder/short.yaml"
 expect 3 "start: expected 10 numbers, found 2" check "$folder/short.yaml"
 

@@ -1,4 +1,5 @@
 """Pictures of `portmetd bench` and `portmetd stress`, from the tables NAME.txt that these have written."""
+import math
 import os
 
 from gnuplot import picture, quoted
@@ -22,8 +23,12 @@ def bench(name):
 
 
 def stress(name):
-    """The map of starts and steps."""
-    table = quoted(os.path.basename(name) + ".txt")
+    """The map of starts and steps, without places from which no rollout was made."""
+    with open(name + ".txt") as file:
+        rows = [[float(word) for word in line.split()] for line in file]
+    cells = [f"{x} {y} {value}" for y, row in enumerate(rows) for x, value in enumerate(row) if not math.isnan(value)]
     both(name, "set palette defined (0 '#009e73', 0.5 '#e69f00', 1 '#d55e00')\nset cbrange [0:1]\nunset grid\n"
+         f"set xrange [-0.5:{len(rows[0]) - 0.5}]\nset yrange [-0.5:{len(rows) - 0.5}]\n"
          "set xlabel 'dt, times 2 to this power'\nset ylabel 'widths beyond the training range'\n"
-         f"set title 'good (0), drifting (0.5), broken (1)'\nplot {table} matrix with image notitle")
+         "set title 'good (0), drifting (0.5), broken (1)'\n$map << END\n" + "\n".join(cells) +
+         "\nEND\nplot $map using 1:2:(0.5):(0.5):3 with boxxyerror fillstyle solid linecolor palette notitle")
