@@ -1,6 +1,6 @@
 #!/bin/sh
 # test_logger_turns.sh PORTMET_TRAIN [short]: tables in which velocities turn: a robot on wheels, a flywheel with a crank, a
-# rigid body, a charge in a magnetic field, and a current that carries entropy. Proposals find how, and fits to some of
+# rigid body, a charge in a magnetic field, a current that carries entropy, and two carts on springs. Proposals find how, and fits to some of
 # them are good. `short` fits the robot alone.
 . "$(dirname "$0")/../support/setting.sh"
 train=$1
@@ -72,5 +72,19 @@ write gas 6 "v [m/s],x [m],V [L],T [K]" \
     "p = y[4]/300/y[3]; a = 20*(p - 0.7) - 50*y[2] - 0.5*y[1]; y[4] -= h*0.4*y[4]/y[3]*2*y[1]; y[1] += h*a; y[2] += h*y[1]; y[3] += h*2*y[1]"
 succeed "V [m^3]: a position, whose rate is" propose --budget 0 --data "$folder"/gas_?.csv --part rod=v,x --part gas=V,T -o "$folder/gas"
 grep -q "a.v, b.V, " "$folder/gas/training.yaml" || fail "propose: expected a piston between the parts"
+
+# A spring between two carts: a port stores no energy, so that the distance of both is what a part needs.
+write carts 6 "x1 [m],v1 [m/s],x2 [m],v2 [m/s]" \
+    "n = 4; for (j = 1; j <= 4; j++) y[j] = 0.4*rand() - 0.2" \
+    "f = 30*(y[3] - y[1] - 0.1); a = (f - 20*y[1] - 0.3*y[2])/0.5; b = (-f - 0.2*y[4])/0.8
+     y[1] += h*y[2]; y[3] += h*y[4]; y[2] += h*a; y[4] += h*b"
+succeed "a port stores no energy: make both one part, or give the distance" propose --budget 0 --data "$folder"/carts_?.csv \
+    --part left=x1,v1 --part right=x2,v2 -o "$folder/carts"
+for i in 1 2 3 4 5 6; do
+    awk -F, -v OFS=, 'NR == 1 { $4 = "e [m]" } NR > 1 { $4 = $4 - $2 } { print }' OFMT=%.12g CONVFMT=%.12g "$folder/carts_$i.csv" >"$folder/spring_$i.csv"
+done
+succeed "e [m]: a position, whose rate is v2 -1 v1" propose --budget 0 --data "$folder"/spring_?.csv \
+    --part left=x1,v1 --part right=e,v2 -o "$folder/spring"
+grep -q "a.v1, b.e, 1.0" "$folder/spring/training.yaml" || fail "propose: expected a spring at the port"
 
 finish

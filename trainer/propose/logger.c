@@ -38,6 +38,24 @@
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
 #define PERCENT 100
 
+// Finds a position of one part that moves the velocity of a position of another part, by a spring
+// between both. -1: none.
+static void find_spring(const pm_logger_view *v, int one, int other, int *from, int *to) {
+    double most = ACTS;
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int c = 0; c < v->nvariable; ++c) {
+            const pm_logger_column *a = &v->column[q], *b = &v->column[c];
+            const bool between =
+                (a->part == one && b->part == other) || (a->part == other && b->part == one);
+            if (between && a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_FLOW &&
+                b->mate >= 0 && pm_unit_equal(&a->dimension, &v->column[b->mate].dimension) &&
+                v->share[c][q] > most) {
+                most = v->share[c][q], *from = q, *to = c;
+            }
+        }
+    }
+}
+
 // Prints what was found, one line for each column.
 static void describe(const pm_logger_view *v) {
     static const char *const kinds[] = {"a position",
@@ -103,8 +121,20 @@ static void describe(const pm_logger_view *v) {
         printf("%s\n", column->held ? "; held between samples" : "");
     }
     for (int k = 0; k < v->nidle; ++k) {
-        printf("the data show nothing that passes between %s and %s: they have no port\n",
-               v->part[v->idle[k][0]], v->part[v->idle[k][1]]);
+        const int *part = v->idle[k];
+        int from = -1, to = -1;
+        find_spring(v, part[0], part[1], &from, &to);
+        if (from < 0) {
+            printf("the data show nothing that passes between %s and %s: they have no port\n",
+                   v->part[part[0]], v->part[part[1]]);
+        } else {
+            printf("%s of %s moves %s of %s, and a port stores no energy: make both one part, or "
+                   "give the distance %s - %s as a column instead of %s or %s\n",
+                   v->column[from].name, v->part[v->column[from].part], v->column[to].name,
+                   v->part[v->column[to].part], v->column[from].name,
+                   v->column[v->column[to].mate].name, v->column[from].name,
+                   v->column[v->column[to].mate].name);
+        }
     }
 }
 
