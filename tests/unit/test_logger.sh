@@ -163,7 +163,7 @@ grep -qE "inertia_q_rate = (1.9[5-9]|2.0[0-5])" "$folder/out" || fail "fit: expe
 
 # A motor of which only the speed is known: a hidden current moves it.
 for i in 1 2 3 4 5; do awk -F, -v OFS=, 'NR > 1 { $3 = sprintf("%.2f", $3) } NR < 82 { print $1, $3, $4 }' "$folder/motor_$i.csv" >"$folder/speed_$i.csv"; done
-succeed "w_behind" propose $brief --data "$folder"/speed_?.csv --inputs u -o "$folder/speed"
+succeed "w_behind" propose --budget 30 --data "$folder"/speed_?.csv --inputs u -o "$folder/speed"
 grep -q "^# \* w: moved by a hidden variable without loss" "$folder/speed/training.yaml" || fail "propose: expected a hidden current"
 [ "$short" != whole ] || succeed "Verdict: good" fit "$folder/speed/training.yaml" -o "$folder/speed/weights"
 

@@ -546,8 +546,6 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
                                    : amplitude ? TEMPERATURE_REACH
                                                : NETWORK_REACH;
                 terms->early_reach[at] = positive ? EARLY_REACH : terms->reach[at];
-                terms->size[at] =
-                    constant && !positive ? fmax(fabs(terms->first_weight[at]), 1) : 1;
             }
         }
     }

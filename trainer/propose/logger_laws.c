@@ -249,9 +249,9 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
         pm_logger_constant(w, kinds[k], n, SMALL * inertia);
         snprintf(x, sizeof x, "(%.40s - %.60s)", name,
-                 bounded_place(w, "place", n,
-                               y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation, y->least,
-                               y->largest));
+                 pm_logger_number(w, "place", n,
+                                  y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
+                                  y->deviation));
         pm_logger_constant(w, "width", n, y->deviation);
         snprintf(root, sizeof root, "sqrt(%s^2 + width_%s^2)", x, n);
         if (k < BENDS) {
@@ -768,7 +768,7 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
         const char *bend = pm_logger_number(w, "bend", n, 0, 1);
-        const char *middle = bounded_place(w, "middle", n, first + k * apart, y->least, y->largest);
+        const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
         pm_logger_constant(w, "range", n, apart);
         if (sign == NULL) {
             fprintf(w->model, " + %s", bend);

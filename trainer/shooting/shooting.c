@@ -80,7 +80,6 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     s->terms.first_weight = pm_arena_array(arena, border, sizeof *s->terms.first_weight);
     s->terms.reach = pm_arena_array(arena, border, sizeof *s->terms.reach);
     s->terms.early_reach = pm_arena_array(arena, border, sizeof *s->terms.early_reach);
-    s->terms.size = pm_arena_array(arena, border, sizeof *s->terms.size);
     s->blocks.matrix = pm_arena_array(arena, border * border, sizeof *s->blocks.matrix);
     s->blocks.reduced = pm_arena_array(arena, border * border, sizeof *s->blocks.reduced);
     s->theta = pm_arena_array(arena, border, sizeof *s->theta);
@@ -114,9 +113,6 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     }
     for (size_t c = 0; c < nz; ++c) {
         s->terms.gap[c] = 1;
-    }
-    for (size_t i = 0; i < border; ++i) {
-        s->terms.size[i] = 1;
     }
 done:
     if (status != PM_OK) {
@@ -585,19 +581,17 @@ static bool eliminate(pm_shooting *s, int window, double damping) {
     return true;
 }
 
-// Forms the Schur complement on the weights and solves for them. Steps are damped by their length
-// in units of the weights' sizes. With a damping in proportion to each weight's own diagonal, as
-// Marquardt has it, weights on which little depends run away, and a fit ends in a valley far from
-// its minimum (Transtrum, Sethna, arXiv:1201.5885).
+// Forms the Schur complement on the weights and solves for them. The damping of a weight is the
+// geometric mean of its own diagonal, as Marquardt has it, and of the largest one. With its own
+// alone, weights on which little depends run away, and a fit ends in a valley far from its minimum
+// (Transtrum, Sethna, arXiv:1201.5885).
 static bool solve_weights(pm_shooting *s, double damping, double *weights) {
     const ptrdiff_t nb = s->nborder, n = s->nweight;
     memset(s->blocks.reduced, 0, (size_t)(nb * nb) * sizeof *s->blocks.reduced);
     pm_gram_add(s->nwindow * s->nz, s->nborder, s->blocks.solved, s->blocks.reduced);
-    double largest = 0, mean = 0;
+    double largest = 0;
     for (ptrdiff_t i = 0; i < n; ++i) {
-        const double own = s->blocks.matrix[i * (nb + 1)];
-        largest = fmax(largest, own);
-        mean += own * s->terms.size[i] * s->terms.size[i] / (double)n;
+        largest = fmax(largest, s->blocks.matrix[i * (nb + 1)]);
     }
     double *h = s->blocks.reduced;
     for (ptrdiff_t i = 0; i < n; ++i) {
@@ -605,7 +599,7 @@ static bool solve_weights(pm_shooting *s, double damping, double *weights) {
             h[i * nb + k] = s->blocks.matrix[i * nb + k] - h[i * nb + k];
         }
         h[i * (nb + 1)] +=
-            damping * mean / (s->terms.size[i] * s->terms.size[i]) + LEAST_MATRIX * largest;
+            damping * sqrt(s->blocks.matrix[i * (nb + 1)] * largest) + LEAST_MATRIX * largest;
         weights[i] = -h[i * nb + n];
     }
     // Closes the gap of the last column, so that the rest is a contiguous matrix of the weights.

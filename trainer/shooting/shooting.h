@@ -41,7 +41,6 @@ typedef struct pm_shooting_terms {
     double *first_weight, *reach;
     double *early_reach; // [nweight] `reach` while `early` is true
     bool early;
-    double *size; // [nweight] the unit in which the damping measures the change of a weight; 1
     double huber; // residuals beyond this many deviations count less
 } pm_shooting_terms;
 
@@ -106,7 +105,7 @@ void pm_shooting_set_substeps(pm_shooting *s, int substeps);
 
 // Eliminates the starts from the damped normal equations, and writes the step of the weights
 // [nweight] and of the starts [nwindow][nz]. The diagonal of the starts is multiplied by
-// 1 + damping; that of the weights gains `damping` times its mean, in units of their sizes. Returns
+// 1 + damping; that of a weight gains `damping` times its geometric mean with the largest. Returns
 // false if the equations are singular.
 bool pm_shooting_solve(pm_shooting *s, double damping, double *weights, double *z);
 
