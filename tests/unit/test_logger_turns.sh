@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_logger_turns.sh PORTMET_TRAIN [short]: tables in which velocities turn: a robot on wheels, a flywheel with a crank, a
-# rigid body, a charge in a magnetic field, a current that carries entropy, and two carts on springs. Proposals find how, and fits to some of
-# them are good. `short` fits the robot alone.
+# rigid body, a charge in a magnetic field, and a current that carries entropy; a piston, and two carts on springs. Proposals
+# find how, and fits to some of them are good. `short` fits the robot alone.
 . "$(dirname "$0")/../support/setting.sh"
 train=$1
 short=${2:-}

@@ -116,7 +116,7 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
         fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name,
                 asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)));
     }
-    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.60s))", middle, half, kind, name);
+    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.5s_%.81s))", middle, half, kind, name);
     return text;
 }
 
