@@ -1,5 +1,6 @@
 // Multiple shooting: its gradient agrees with finite differences, and eliminating the starts of all
-// windows gives a step that solves the normal equations of all unknowns.
+// windows gives a step that solves the normal equations of all unknowns, which is bent by the
+// second derivative of the residuals.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +22,9 @@
 #define SHORT 1  // so many windows that they are integrated side by side
 #define LONG 22  // so few that each is linearised along its path, in more than one batch
 #define DIRECTIONS 10
+#define RESIDUALS (2 * TRACKS * SAMPLES * NZ) // no fewer than there are
 #define DAMPING 1e-3
+#define STIFF 1e3 // a damping whose step is taken, and bent
 #define STEP 1e-5
 // The error of central differences: STEP^2 times a third derivative, and rounding of 1e-16 / STEP.
 #define TOLERANCE 2e-6
@@ -261,11 +264,110 @@ static void elimination_solves_the_equations(void **state) {
     bench_close(&b);
 }
 
+// Collects the residuals of all samples, with their factors from the last linearisation, and of all
+// gaps. Returns how many there are.
+static int collect(bench *b, const double *point, double *residual) {
+    const pm_shooting *s = &b->shooting;
+    int count = 0;
+    value_at(b, point);
+    for (int i = 0; i < TRACKS; ++i) {
+        for (ptrdiff_t k = 0; k < (ptrdiff_t)b->track[i].count * s->ny; ++k) {
+            const double factor = s->row[i][(k + 1) * s->nrow - 1];
+            residual[count++] = isnan(b->y[i][k]) ? 0 : factor * s->residual[i][k];
+        }
+    }
+    for (int w = 0; w < s->nwindow; ++w) {
+        for (ptrdiff_t c = 0; c < NZ && !s->window[w].ends; ++c) {
+            const double next = point[s->nweight + (w + 1) * NZ + c];
+            residual[count++] = (s->end[w * NZ + c] - next) / s->terms.gap[c];
+        }
+    }
+    return count;
+}
+
+// Writes J v [count] for a direction v of all unknowns, by differences of the residuals.
+static void along(bench *b, const double *v, double *slope, double *work) {
+    double *point = work + RESIDUALS;
+    int count = 0;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        for (size_t i = 0; i < b->size; ++i) {
+            point[i] = b->point[i] + sign * STEP * v[i];
+        }
+        count = collect(b, point, sign < 0 ? work : slope);
+    }
+    for (int k = 0; k < count; ++k) {
+        slope[k] = (slope[k] - work[k]) / (2 * STEP);
+    }
+}
+
+// The first step of a minimisation is that of the damped equations plus half the second derivative
+// of the unknowns along it, which solves the same equations with J' r''. Here J is found by
+// differences, and r'' from J and the residuals at a tenth of the step.
+static void steps_are_bent(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 9, "rk4", LONG);
+    pm_shooting *s = &b.shooting;
+    const size_t n = (size_t)s->nweight;
+    double *step = calloc(4 * b.size + 3 * RESIDUALS, sizeof *step);
+    assert_non_null(step);
+    double *product = step + b.size, *v = product + b.size, *r = v + b.size;
+    double *slope = r + RESIDUALS, *work = slope + RESIDUALS;
+    gradient_at(&b, b.point);
+    assert_true(pm_shooting_solve(s, STIFF, step, step + n));
+    for (size_t i = 0; i < b.size; ++i) {
+        b.moved[i] = b.point[i] + 0.1 * step[i];
+    }
+    const int count = collect(&b, b.point, work);
+    assert_true(count < RESIDUALS);
+    collect(&b, b.moved, r);
+    for (int k = 0; k < count; ++k) {
+        r[k] -= work[k];
+    }
+    along(&b, step, slope, work);
+    for (int k = 0; k < count; ++k) {
+        r[k] = 20 * (10 * r[k] - slope[k]);
+    }
+    memcpy(s->z, b.point + n, (b.size - n) * sizeof *s->z);
+    pm_shooting_set_weights(s, b.point);
+    double damping = STIFF;
+    pm_shooting_progress progress = {0};
+    assert_int_equal(
+        pm_shooting_minimise(s, &(pm_shooting_limits){.iterations = 1}, &damping, &progress),
+        PM_OK);
+    assert_true(damping < STIFF); // the first damping was taken
+    pm_shooting_weights(s, b.moved);
+    memcpy(b.moved + n, s->z, (b.size - n) * sizeof *s->z);
+    for (size_t i = 0; i < b.size; ++i) {
+        b.moved[i] -= b.point[i] + step[i];
+    }
+    gradient_at(&b, b.point);
+    multiply(&b, STIFF, b.moved, product);
+    for (int d = 0; d < DIRECTIONS; ++d) {
+        double bend = 0, curve = 0, scale = 0;
+        for (size_t i = 0; i < b.size; ++i) {
+            v[i] = pm_rng_normal(&b.w.rng);
+            bend += product[i] * v[i];
+            scale += fabs(product[i] * v[i]);
+        }
+        along(&b, v, slope, work);
+        for (int k = 0; k < count; ++k) {
+            curve += 0.5 * slope[k] * r[k];
+        }
+        assert_true(scale > 0);
+        random_system_check(&b.w, "product with the bend, and half of J' r''", bend, -curve,
+                            1e-5 * scale);
+    }
+    free(step);
+    bench_close(&b);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradient_of_rk4),
         cmocka_unit_test(gradient_of_discrete_gradient),
         cmocka_unit_test(elimination_solves_the_equations),
+        cmocka_unit_test(steps_are_bent),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

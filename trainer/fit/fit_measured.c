@@ -291,8 +291,10 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
                    (effort->seconds > 0 && (double)clock() > effort->seconds * CLOCKS_PER_SEC);
         return c->ended ? pm_fail(PM_EINTERRUPTED, "a short fit has come to its end") : PM_OK;
     }
-    if (point->stage == PM_CONTINUATION_SHORT && m->point[0] == PM_CONTINUATION_STARTS) {
-        // Names constants that the data hardly tell apart, once the starts of windows are known.
+    if (point->stage >= PM_CONTINUATION_SHORT && point->stride == 1 &&
+        (m->point[0] < PM_CONTINUATION_SHORT || m->point[9] != 1)) {
+        // Names constants that the data hardly tell apart, once all take part and the starts of
+        // windows are known.
         // Gaps count as they will at the end, so that whole trajectories tell, and not single
         // windows.
         const pm_fit_measured *measured = &c->fit->measured;
@@ -308,10 +310,11 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
         }
         PM_TRY(pm_identifiability_warn(c->shooting, noise, gap));
     }
-    const double number[PM_FIT_MEASURED_POINT] = {
-        point->stage,         point->length,          point->round,
-        point->factor,        point->damping,         point->progress.iterations,
-        point->progress.idle, point->progress.before, point->finer};
+    const double number[PM_FIT_MEASURED_POINT] = {point->stage,         point->length,
+                                                  point->round,         point->factor,
+                                                  point->damping,       point->progress.iterations,
+                                                  point->progress.idle, point->progress.before,
+                                                  point->finer,         point->stride};
     memcpy(m->point, number, sizeof number);
     memcpy(m->point_gap, s->terms.gap, (size_t)s->nz * sizeof *s->terms.gap);
     memcpy(m->point_gap + s->nz, s->terms.later, (size_t)s->nz * sizeof *s->terms.later);
@@ -333,10 +336,12 @@ static pm_status restore_point(const pm_fit_measured *m, pm_shooting *s,
         .factor = number[3],
         .damping = number[4],
         .progress = {.iterations = (int)number[5], .idle = (int)number[6], .before = number[7]},
-        .finer = (int)number[8]};
+        .finer = (int)number[8],
+        .stride = (int)number[9]};
     if (point->stage == PM_CONTINUATION_NONE) {
         return PM_OK;
     }
+    s->stride = point->stride;
     PM_TRY(pm_shooting_divide(s, point->length));
     memcpy(s->z, m->point_start, (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z);
     memcpy(s->terms.noise, m->point_noise, (size_t)s->ny * sizeof *s->terms.noise);

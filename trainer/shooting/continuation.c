@@ -1,5 +1,6 @@
-// Window lengths double from point to point, and the weight of gaps rises at the same time. Windows
-// stay short where the system amplifies a change of the start too much for a longer one.
+// Window lengths double from point to point, and the weight of gaps rises at the same time. The
+// first points take as many tracks as the weights need, and each that follows takes twice as many.
+// Windows stay short where the system amplifies a change of the start too much for a longer one.
 #include "shooting/continuation.h"
 
 #include <math.h>
@@ -14,6 +15,9 @@
 #define SHORTEST 4 // samples of the first windows, if they can be integrated
 // Gaps count like residuals of this many deviations of the noise at first.
 #define FIRST_GAP 3.0
+// Tracks of the first windows: at least so many, and so many measurements for each weight.
+#define FEWEST_TRACKS 4
+#define MEASUREMENTS_PER_WEIGHT 20
 #define GAP_FALLS 0.3 // factor from point to point
 // Windows double while their gaps, as large as they become until the end of the next window, stay
 // below this many deviations of the noise.
@@ -60,7 +64,7 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
     PM_TRY(size != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an estimate of noise"));
     for (int c = 0; c < s->ny; ++c) {
         size_t n = 0;
-        for (int i = 0; i < s->tracks->count; ++i) {
+        for (int i = 0; i < s->tracks->count; i += s->stride) {
             const pm_track *r = &s->tracks->track[i];
             for (int k = 0; k < r->count; ++k) {
                 const ptrdiff_t at = (ptrdiff_t)k * s->ny + c;
@@ -254,6 +258,14 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
     return PM_OK;
 }
 
+static bool hides(const pm_shooting *s) {
+    bool hidden = false;
+    for (int c = 0; c < s->nz; ++c) {
+        hidden = hidden || s->observation->hidden[c];
+    }
+    return hidden;
+}
+
 // Prepares the shooting for a stage of the continuation with `substeps` steps of the integrator at
 // the end.
 static void begin_stage(pm_shooting *s, int stage, int substeps) {
@@ -280,20 +292,24 @@ int pm_continuation_longest(const pm_shooting *s) {
     return longest;
 }
 
-// Doubles the length of the windows. Keeps the old length if the new windows cannot be integrated.
-static pm_status double_windows(pm_shooting *s, pm_continuation_point *point, bool *doubled) {
+// Changes the windows. Keeps the old ones if the new ones cannot be integrated.
+static pm_status divide(pm_shooting *s, pm_continuation_point *point, int length, int stride,
+                        bool *changed) {
     const size_t size = (size_t)s->nwindow * (size_t)s->nz * sizeof *s->z;
-    double *kept = malloc(size);
+    double *kept = calloc(1, size);
     PM_TRY(pm_allocated(kept, "the starts of windows"));
     memcpy(kept, s->z, size);
-    pm_status status = pm_shooting_divide(s, 2 * point->length);
+    s->stride = stride;
+    pm_status status = pm_shooting_divide(s, length);
     if (status == PM_OK) {
-        *doubled = isfinite(pm_shooting_evaluate(s, s->z, false));
+        *changed = isfinite(pm_shooting_evaluate(s, s->z, false));
         status = s->failed;
     }
-    if (status == PM_OK && *doubled) {
-        point->length *= 2;
+    if (status == PM_OK && *changed) {
+        point->length = length;
+        point->stride = stride;
     } else if (status == PM_OK) {
+        s->stride = point->stride;
         status = pm_shooting_divide(s, point->length);
         if (status == PM_OK) {
             memcpy(s->z, kept, size);
@@ -320,19 +336,41 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     point->stage = PM_CONTINUATION_GROW;
     const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
     const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
-    // Once every track is one window, there is no gap left to close.
-    bool ends = point->length >= pm_continuation_longest(s) || (closed && !joins);
-    if (!ends && joins) {
-        bool doubled = false;
-        PM_TRY(double_windows(s, point, &doubled));
-        ends = closed && !doubled;
+    const bool longest = point->length >= pm_continuation_longest(s);
+    bool changed = false;
+    if (!longest && joins) {
+        const int stride = point->stride > 1 ? point->stride / 2 : 1;
+        PM_TRY(divide(s, point, 2 * point->length, stride, &changed));
     }
+    // Tracks are added where windows cannot grow, too, if need be with shorter windows.
+    for (int length = point->length; !changed && point->stride > 1; length /= 2) {
+        if (length < PM_CONTINUATION_LEAST) {
+            return pm_fail(PM_ENUMERIC, "windows of more trajectories cannot be integrated");
+        }
+        PM_TRY(divide(s, point, length, point->stride / 2, &changed));
+    }
+    // Once every track is one window, there is no gap left to close.
+    const bool ends = !changed && (longest || closed);
     if (ends) {
         point->stage = PM_CONTINUATION_LAST;
         return update_noise(s, continuation, true, NULL);
     }
     point->factor = fmax(point->factor * GAP_FALLS, PM_CONTINUATION_LAST_GAP);
     return PM_OK;
+}
+
+// The weights need few tracks at first, unless a start of each is to be found, too.
+static int first_stride(const pm_shooting *s) {
+    double measurements = 0;
+    int stride = 1;
+    for (int i = 0; i < s->tracks->count; ++i) {
+        measurements += (double)s->tracks->track[i].count * s->ny / s->tracks->count;
+    }
+    const double needed = MEASUREMENTS_PER_WEIGHT * s->nweight / measurements;
+    while (!hides(s) && s->tracks->count >= 2 * stride * fmax(needed, FEWEST_TRACKS)) {
+        stride *= 2;
+    }
+    return stride;
 }
 
 // Returns whether all windows can be integrated. One that has gone astray cannot be meant, although
@@ -343,7 +381,7 @@ static bool integrates(pm_shooting *s) {
     for (int c = 0; c < s->ny && near; ++c) {
         const double most = ASTRAY * s->tracks->deviation[c];
         const int component = s->observation->component[c];
-        for (int i = 0; i < s->tracks->count; ++i) {
+        for (int i = 0; i < s->tracks->count; i += s->stride) {
             for (int k = 0; k < s->tracks->track[i].count; ++k) {
                 near = near && !(fabs(s->residual[i][(ptrdiff_t)k * s->ny + c]) > most);
             }
@@ -431,11 +469,13 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
         // leaves unexplained, so that no residual counts as an outlier before the model is any
         // good.
         pm_continuation_point *p = &point;
-        *p = (pm_continuation_point){.stage = PM_CONTINUATION_STARTS,
-                                     .length = continuation->first > 0
-                                                   ? continuation->first
-                                                   : pm_continuation_first_length(s),
-                                     .factor = FIRST_GAP};
+        *p = (pm_continuation_point){
+            .stage = hides(s) ? PM_CONTINUATION_STARTS : PM_CONTINUATION_SHORT,
+            .length =
+                continuation->first > 0 ? continuation->first : pm_continuation_first_length(s),
+            .factor = FIRST_GAP,
+            .stride = first_stride(s)};
+        s->stride = p->stride;
         begin_stage(s, p->stage, substeps);
         PM_TRY(pm_shooting_divide(s, p->length));
         pm_status status = calm(s, p, substeps);

@@ -16,7 +16,7 @@
 // The stages of a continuation, in their order.
 enum {
     PM_CONTINUATION_NONE,   // it has not begun
-    PM_CONTINUATION_STARTS, // shortest windows, fixed weights
+    PM_CONTINUATION_STARTS, // shortest windows, fixed weights, if something is hidden
     PM_CONTINUATION_SHORT,  // shortest windows
     PM_CONTINUATION_GROW,   // longer and longer windows
     PM_CONTINUATION_LAST,   // longest windows, noise as given
@@ -31,6 +31,7 @@ typedef struct pm_continuation_point {
     int round;  // completed rounds of steps with the same noise
     double factor, damping;
     int finer;                     // how often the substeps have been doubled
+    int stride;                    // of tracks: that of the shooting
     double after;                  // the objective after the last round
     pm_shooting_progress progress; // in the present round
 } pm_continuation_point;

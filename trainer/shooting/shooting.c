@@ -23,6 +23,10 @@ static const pm_damping damping_of_starts = {
 #define FEW (PM_SENSITIVITY_BATCH / 2)
 // The factor of the damping after a step to where derivatives are not finite.
 #define SHORTER 1e4
+// Where along a step its curvature is measured, and the largest curvature, in relation to the step,
+// by which a step is bent (Transtrum, Sethna, arXiv:1201.5885, 4.4).
+#define PROBE 0.1
+#define MOST_BENT 0.75
 
 typedef struct pm_shooting_lane {
     pm_shooting *shooting;
@@ -70,6 +74,8 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
                        .nweight = how->fixed ? 0 : pm_trained_count(how->system),
                        .terms = {.huber = HUBER}};
     s->nborder = s->nweight + 1;
+    s->stride = 1;
+    s->nrow = s->nz + s->nborder + 1;
     const size_t nz = (size_t)s->nz, ny = (size_t)s->ny, border = (size_t)s->nborder;
     const size_t batch = PM_SENSITIVITY_BATCH, lanes = (size_t)lane_count();
     pm_arena *arena = &s->arena;
@@ -85,6 +91,7 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
     s->theta = pm_arena_array(arena, border, sizeof *s->theta);
     s->residual = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->residual);
     s->state = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->state);
+    s->row = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->row);
     s->path = pm_arena_array(arena, (size_t)tracks->count, sizeof *s->path);
     s->lane = pm_arena_array(arena, lanes, sizeof *s->lane);
     pm_status status;
@@ -93,6 +100,7 @@ pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const 
         const size_t samples = (size_t)tracks->track[i].count;
         s->residual[i] = pm_arena_array(arena, samples * ny, sizeof **s->residual);
         s->state[i] = pm_arena_array(arena, samples * nz, sizeof **s->state);
+        s->row[i] = pm_arena_array(arena, samples * ny * (size_t)s->nrow, sizeof **s->row);
         s->path[i] = pm_arena_array(
             arena, (size_t)tracks->track[i].first_step[samples - 1] * nz + 1, sizeof **s->path);
     }
@@ -124,6 +132,7 @@ done:
 void pm_shooting_clear(pm_shooting *s) {
     pm_arena_free(&s->divided);
     s->nwindow = 0;
+    s->stride = 1;
 }
 
 void pm_shooting_close(pm_shooting *s) {
@@ -135,12 +144,13 @@ void pm_shooting_close(pm_shooting *s) {
 
 // --- windows ---
 
-// Lists the windows of all tracks and returns how many there are. A window begins at a multiple of
+// Lists the windows of tracks and returns how many there are. A window begins at a multiple of
 // `length` after which at least half as many samples follow, so that longer windows begin where
 // shorter ones did.
-static int list_windows(const pm_tracks *tracks, int length, pm_window *window) {
+static int list_windows(const pm_shooting *s, int length, pm_window *window) {
+    const pm_tracks *tracks = s->tracks;
     int count = 0;
-    for (int i = 0; i < tracks->count; ++i) {
+    for (int i = 0; i < tracks->count; i += s->stride) {
         const int samples = tracks->track[i].count;
         for (int first = 0; first < samples; first += length) {
             if (first > 0 && 2 * (samples - first) < length) {
@@ -161,7 +171,7 @@ pm_status pm_shooting_divide(pm_shooting *s, int length) {
     pm_arena old = s->divided;
     const pm_window *before = s->window;
     const double *z = s->z;
-    const int nbefore = s->nwindow, count = list_windows(s->tracks, length, NULL);
+    const int nbefore = s->nwindow, count = list_windows(s, length, NULL);
     const size_t n = (size_t)count, nz = (size_t)s->nz, border = (size_t)s->nborder;
     s->divided = (pm_arena){0};
     pm_arena *arena = &s->divided;
@@ -177,15 +187,17 @@ pm_status pm_shooting_divide(pm_shooting *s, int length) {
     s->blocks.coupling = pm_arena_array(arena, n * nz * nz, sizeof *s->blocks.coupling);
     s->blocks.solved = pm_arena_array(arena, n * nz * border, sizeof *s->blocks.solved);
     const pm_status status = pm_arena_status(arena, "multiple shooting");
-    s->nwindow = status == PM_OK ? list_windows(s->tracks, length, s->window) : 0;
+    s->nwindow = status == PM_OK ? list_windows(s, length, s->window) : 0;
     for (int w = 0, known = 0; w < s->nwindow; ++w) {
         const pm_window *own = &s->window[w];
         double *start = s->z + (size_t)w * nz;
         while (known < nbefore &&
-               (before[known].track != own->track || before[known].first != own->first)) {
+               (before[known].track < own->track ||
+                (before[known].track == own->track && before[known].first < own->first))) {
             ++known;
         }
-        if (known < nbefore) {
+        if (known < nbefore && before[known].track == own->track &&
+            before[known].first == own->first) {
             memcpy(start, z + (size_t)known * nz, nz * sizeof *z);
         } else {
             pm_track_sample_states(s->tracks, own->track, s->how.system->scene, s->observation,
@@ -251,11 +263,15 @@ static int add_sample(pm_shooting_lane *l, int window, int sample, const double 
             own[j] = s->terms.hold ? 0 : factor * by_weights[c * nweight + j];
         }
         own[nweight] = root * r;
+        double *kept = s->row[w->track] + (sample * ny + c) * s->nrow;
+        memcpy(kept + nz, own, (size_t)border * sizeof *own);
+        kept[nz + border] = factor;
         for (ptrdiff_t j = 0; j < nweight && s->blocks.window_gradient != NULL; ++j) {
             s->blocks.window_gradient[window * nweight + j] += own[j] * own[nweight];
         }
         for (ptrdiff_t j = 0; j < nz; ++j) {
             by_start[c * nz + j] *= factor;
+            kept[j] = by_start[c * nz + j];
         }
         add_to_window(s, window, by_start + c * nz, own);
     }
@@ -581,25 +597,33 @@ static bool eliminate(pm_shooting *s, int window, double damping) {
     return true;
 }
 
-// Forms the Schur complement on the weights and solves for them. The damping of a weight is the
-// geometric mean of its own diagonal, as Marquardt has it, and of the largest one. With its own
-// alone, weights on which little depends run away, and a fit ends in a valley far from its minimum
-// (Transtrum, Sethna, arXiv:1201.5885).
+// The damping of a weight is the geometric mean of its own diagonal, as Marquardt has it, and of
+// the largest one. With its own alone, weights on which little depends run away, and a fit ends in
+// a valley far from its minimum (Transtrum, Sethna, arXiv:1201.5885).
+static double damped(const pm_shooting *s, ptrdiff_t weight, double largest) {
+    return sqrt(s->blocks.matrix[weight * (s->nborder + 1)] * largest);
+}
+
+static double largest_diagonal(const pm_shooting *s) {
+    double largest = 0;
+    for (ptrdiff_t i = 0; i < s->nweight; ++i) {
+        largest = fmax(largest, s->blocks.matrix[i * (s->nborder + 1)]);
+    }
+    return largest;
+}
+
+// Forms the Schur complement on the weights and solves for them.
 static bool solve_weights(pm_shooting *s, double damping, double *weights) {
     const ptrdiff_t nb = s->nborder, n = s->nweight;
     memset(s->blocks.reduced, 0, (size_t)(nb * nb) * sizeof *s->blocks.reduced);
     pm_gram_add(s->nwindow * s->nz, s->nborder, s->blocks.solved, s->blocks.reduced);
-    double largest = 0;
-    for (ptrdiff_t i = 0; i < n; ++i) {
-        largest = fmax(largest, s->blocks.matrix[i * (nb + 1)]);
-    }
+    const double largest = largest_diagonal(s);
     double *h = s->blocks.reduced;
     for (ptrdiff_t i = 0; i < n; ++i) {
         for (ptrdiff_t k = i; k < nb; ++k) {
             h[i * nb + k] = s->blocks.matrix[i * nb + k] - h[i * nb + k];
         }
-        h[i * (nb + 1)] +=
-            damping * sqrt(s->blocks.matrix[i * (nb + 1)] * largest) + LEAST_MATRIX * largest;
+        h[i * (nb + 1)] += damping * damped(s, i, largest) + LEAST_MATRIX * largest;
         weights[i] = -h[i * nb + n];
     }
     // Closes the gap of the last column, so that the rest is a contiguous matrix of the weights.
@@ -667,7 +691,10 @@ typedef struct window_descent {
     size_t size;                 // of all weights and starts: nweight + nwindow nz
     double *kept, *step, *trial; // [size]
     double *before;              // [size] the point before `kept`
-    bool returns;                // `before` is known
+    double *second;              // [size] the second derivative of the unknowns along the step
+    // J' r'' along the step: of the weights, of the starts, r'' of the gaps after windows
+    double *curve; // [size + nwindow nz]
+    bool returns;  // `before` is known
     double *damping;
     bool stuck;
 } window_descent;
@@ -712,9 +739,106 @@ static pm_status linearise(void *context, double *objective) {
     return PM_OK;
 }
 
+// The second derivative of a residual along a step, from its change until PROBE of the step and
+// from its derivatives.
+static double second_derivative(const window_descent *d, int window, double change,
+                                const double *by_start, const double *by_weights) {
+    const ptrdiff_t nz = d->s->nz, nweight = d->s->nweight;
+    const double *start = d->step + nweight + window * nz;
+    double slope = 0;
+    for (ptrdiff_t i = 0; i < nz; ++i) {
+        slope += by_start[i] * start[i];
+    }
+    for (ptrdiff_t i = 0; i < nweight; ++i) {
+        slope += by_weights[i] * d->step[i];
+    }
+    return 2 / PROBE * (change / PROBE - slope);
+}
+
+// Adds the product of r'' with the derivatives of its residual to J' r''.
+static void add_curve(const window_descent *d, int window, double r, const double *by_start,
+                      const double *by_weights) {
+    const ptrdiff_t nz = d->s->nz, nweight = d->s->nweight;
+    for (ptrdiff_t i = 0; i < nz; ++i) {
+        d->curve[nweight + window * nz + i] += r * by_start[i];
+    }
+    for (ptrdiff_t i = 0; i < nweight; ++i) {
+        d->curve[i] += r * by_weights[i];
+    }
+}
+
+// Sums J' r'' along the step, from the residuals at PROBE of it.
+static void sum_curve(const window_descent *d) {
+    const pm_shooting *s = d->s;
+    const ptrdiff_t nz = s->nz, ny = s->ny, n = s->nweight, nb = s->nborder;
+    memset(d->curve, 0, d->size * sizeof *d->curve);
+    for (int w = 0; w < s->nwindow; ++w) {
+        const pm_window *window = &s->window[w];
+        const double *y = s->tracks->track[window->track].y;
+        for (ptrdiff_t i = window->first * ny; i < window->last * ny; ++i) {
+            const double *row = s->row[window->track] + i * s->nrow;
+            if (!isnan(y[i])) {
+                const double change = row[nz + nb] * s->residual[window->track][i] - row[nz + n];
+                add_curve(d, w, second_derivative(d, w, change, row, row + nz), row, row + nz);
+            }
+        }
+        for (ptrdiff_t c = w * nz; c < (w + 1) * nz && !window->ends; ++c) {
+            const double *by_start = s->blocks.end_by_start + c * nz;
+            const double *by_weights = s->blocks.end_by_weights + c * nb;
+            // The start of the next window changes linearly, and so it has no part in r''.
+            const double gap = (s->end[c] - d->kept[n + nz + c]) / s->terms.gap[c - w * nz];
+            const double r = second_derivative(d, w, gap - by_weights[n], by_start, by_weights);
+            add_curve(d, w, r, by_start, by_weights);
+            d->curve[d->size + (size_t)c] = r;
+        }
+    }
+}
+
+// Exchanges the right-hand side of the normal equations with `curve`.
+static void exchange_sides(const window_descent *d) {
+    const pm_shooting_blocks *b = &d->s->blocks;
+    const ptrdiff_t n = d->s->nweight, nb = d->s->nborder, size = (ptrdiff_t)d->size;
+    for (ptrdiff_t i = 0; i < 2 * size - n; ++i) {
+        double *side = i < n      ? b->matrix + i * nb
+                       : i < size ? b->border + (i - n) * nb
+                                  : b->end_by_weights + (i - size) * nb;
+        const double kept = side[n];
+        side[n] = d->curve[i];
+        d->curve[i] = kept;
+    }
+}
+
+// Computes the step, and bends it by the second derivative of the residuals along it (geodesic
+// acceleration): a valley of the objective that is curved and narrow takes far fewer steps.
 static bool solve(void *context, double damping) {
-    const window_descent *d = context;
-    return pm_shooting_solve(d->s, damping, d->step, d->step + d->s->nweight);
+    window_descent *d = context;
+    pm_shooting *s = d->s;
+    const ptrdiff_t n = s->nweight;
+    if (!pm_shooting_solve(s, damping, d->step, d->step + n)) {
+        return false;
+    }
+    for (size_t i = 0; i < d->size; ++i) {
+        d->trial[i] = d->kept[i] + PROBE * d->step[i];
+    }
+    pm_shooting_set_weights(s, d->trial);
+    if (!isfinite(pm_shooting_evaluate(s, d->trial + n, false))) {
+        return false;
+    }
+    sum_curve(d);
+    exchange_sides(d);
+    const bool solved = pm_shooting_solve(s, damping, d->second, d->second + n);
+    exchange_sides(d);
+    const double largest = largest_diagonal(s);
+    double first = 0, second = 0;
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        first += d->step[i] * d->step[i] * damped(s, i, largest);
+        second += d->second[i] * d->second[i] * damped(s, i, largest);
+    }
+    const bool bent = solved && second <= MOST_BENT * MOST_BENT * first;
+    for (size_t i = 0; bent && i < d->size; ++i) {
+        d->step[i] += 0.5 * d->second[i];
+    }
+    return true;
 }
 
 static pm_status try_step(void *context, double before, double *after, double *fraction) {
@@ -758,6 +882,8 @@ pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits,
                         .step = pm_arena_array(&arena, n, sizeof *d.step),
                         .trial = pm_arena_array(&arena, n, sizeof *d.trial),
                         .before = pm_arena_array(&arena, n, sizeof *d.before),
+                        .second = pm_arena_array(&arena, n, sizeof *d.second),
+                        .curve = pm_arena_array(&arena, n + starts, sizeof *d.curve),
                         .damping = damping};
     pm_status status = pm_arena_status(&arena, "multiple shooting");
     if (status == PM_OK) {

@@ -70,7 +70,9 @@ typedef struct pm_shooting {
     const pm_tracks *tracks;           // borrowed
     const pm_observation *observation; // borrowed
     int nz, ny, nweight, nborder;      // nborder = nweight + 1: the weights and the gradient
+    int nrow;                          // entries of a row of `row`: nz + nborder + 1
     pm_shooting_terms terms;
+    int stride; // every so many tracks one is divided into windows; 1 at first
     // The iterate, whose weights are those of the system.
     int nwindow;
     pm_window *window; // [nwindow], by track and time
@@ -79,8 +81,12 @@ typedef struct pm_shooting {
     double *theta;     // [nweight] by the last evaluation
     double **residual; // [tracks->count] -> [count][ny], model minus data by the last evaluation
     double **state;    // [tracks->count] -> [count][nz], the states then
-    double **path;     // [tracks->count] -> [steps][nz], states before steps of a few windows
-    double work;       // samples of all evaluations so far, times the derivatives of each
+    // [tracks->count] -> [count][ny][nrow], by the last evaluation with derivatives: those
+    // of each residual by the start of its window and by the weights, the residual, and its factor,
+    // which is the root of Huber's weight over the noise
+    double **row;
+    double **path; // [tracks->count] -> [steps][nz], states before steps of a few windows
+    double work;   // samples of all evaluations so far, times the derivatives of each
     pm_shooting_blocks blocks;
     struct pm_shooting_lane *lane; // [pm_team_lanes(NULL).own] threads
     pm_status failed;              // of the last evaluation: PM_ENOMEM, or PM_OK
@@ -89,11 +95,12 @@ typedef struct pm_shooting {
 // Prepares a fit without windows. All arguments must outlive it. The caller closes it. PM_ENOMEM.
 pm_status pm_shooting_open(pm_shooting *s, const pm_sensitivity_how *how, const pm_tracks *tracks);
 void pm_shooting_close(pm_shooting *s); // zeroed storage is allowed
-// Divides all tracks into windows of `length` samples; the last window of a track has up to half as
-// many samples more. A window keeps its start if one of the previous windows began at the same
-// sample. All other starts are taken from the measurements (pm_track_sample_states). PM_ENOMEM.
+// Divides tracks 0, stride, 2 stride, ... into windows of `length` samples; the last window of a
+// track has up to half as many samples more. A window keeps its start if one of the previous
+// windows began at the same sample. All other starts are taken from the measurements
+// (pm_track_sample_states). PM_ENOMEM.
 pm_status pm_shooting_divide(pm_shooting *s, int length);
-// Removes all windows.
+// Removes all windows; the next ones are those of all tracks.
 void pm_shooting_clear(pm_shooting *s);
 
 // Integrates all windows with the present weights of the system from the starts z [nwindow][nz].
@@ -127,11 +134,12 @@ typedef struct pm_shooting_limits {
     void *context;
 } pm_shooting_limits;
 
-// Makes Gauss-Newton steps. Each step raises the damping until the objective falls. The system and
-// s->z then hold the resulting weights and starts. *damping is carried over from call to call; 0 at
-// first. *progress is all zero at first; otherwise the call goes on from there. PM_EINTERRUPTED if
-// *stop becomes nonzero, PM_ENUMERIC if the objective is not finite at the beginning, PM_ENOMEM.
-// Fails as `keep` does.
+// Makes Gauss-Newton steps, bent by geodesic acceleration (Transtrum, Sethna, arXiv:1201.5885).
+// Each step raises the damping until the objective falls. The system and s->z then hold the
+// resulting weights and starts. *damping is carried over from call to call; 0 at first. *progress
+// is all zero at first; otherwise the call goes on from there. PM_EINTERRUPTED if *stop becomes
+// nonzero, PM_ENUMERIC if the objective is not finite at the beginning, PM_ENOMEM. Fails as `keep`
+// does.
 pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits, double *damping,
                                pm_shooting_progress *progress);
 // These functions copy all trained weights from the system to theta [nweight], and back.
