@@ -56,8 +56,8 @@
 #define SECONDS 4       // messages, one a second, of which all but the first tell what a step costs
 #define LONG 1000000000 // steps of a run that is measured, more than it can take
 
-// Which subsystems share a process.
-typedef enum cut { EACH, TOGETHER, HALVES, EVERY_OTHER } cut;
+// Which subsystems share a process; OWN: as the scene says.
+typedef enum cut { EACH, TOGETHER, OWN, HALVES, EVERY_OTHER } cut;
 
 // Each of these is done to a run while it goes on. All but SMOOTH hold it at steps.
 typedef enum disturbance { SMOOTH, KILLS, KILLS_COORDINATOR, STOPS, CONTINUES } disturbance;
@@ -77,6 +77,7 @@ static const trial trials[] = {
     {.name = "a process each"},
     {.name = "a process each, window of 4", .window = 4},
     {.name = "all in one process over LCM", .cut = TOGETHER},
+    {.name = "the scene's own processes", .cut = OWN},
     {.name = "two processes, two halves", .cut = HALVES},
     {.name = "two processes, every other subsystem", .cut = EVERY_OTHER},
     {.name = "sealed messages", .sealed = true},
@@ -88,7 +89,7 @@ static const trial trials[] = {
     {.name = "the coordinator killed at three times", .disturbance = KILLS_COORDINATOR},
     {.name = "a process stopped for a while", .disturbance = STOPS},
     {.name = "killed as a whole, continued from checkpoints", .disturbance = CONTINUES},
-    {.name = "the last process with the weights of --other", .other = true},
+    {.name = "the last process with the weights of --other", .cut = OWN, .other = true},
 };
 enum { NTRIAL = sizeof trials / sizeof *trials, NHOLD = 3 };
 
@@ -200,8 +201,7 @@ static pm_status make_text(const assembly *a, const trial *t, char **text) {
     char line[LINE], path[PATH_SIZE];
     *text = strdup(a->text);
     PM_TRY(pm_allocated(*text, "a scene"));
-    PM_TRY(t->other ? pm_scene_text_put(text, "processes", NULL)
-                    : put_processes(scene, t->cut == EVERY_OTHER, count, text));
+    PM_TRY(t->cut == OWN ? PM_OK : put_processes(scene, t->cut == EVERY_OTHER, count, text));
     snprintf(line, sizeof line, "{window: %d, patience: %g, checkpoint: %d}",
              t->window > 0 ? t->window : scene->network.window, DEADLINE, CHECKPOINT);
     PM_TRY(pm_scene_text_put(text, "lockstep", line));
@@ -384,14 +384,15 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     snprintf(url, sizeof url, "%s%s%s", address,
              t->faults != NULL && strchr(address, '?') == NULL ? "?ttl=0" : "",
              t->faults == NULL ? "" : t->faults);
-    *skipped = t->other && a->options->other == NULL ? ""
+    *skipped = t->other && a->options->other == NULL                        ? ""
+               : t->cut == OWN && !t->other && scene->network.nprocess == n ? "" // a process each
                : keeps && pm_physics_is_adaptive(&scene->physics)
                    ? "a scene with a tolerance keeps no checkpoints"
                : keeps && scene->network.nlive > 0     ? "live inputs do not come again"
                : t->sealed && scene->network.nlive > 0 ? "a scene with live inputs has no key"
                : t->window > 1 && pm_physics_is_adaptive(&scene->physics)
                    ? "a scene with a tolerance has a window of 1"
-               : t->cut > TOGETHER && n < 3  ? "there are too few subsystems"
+               : t->cut > OWN && n < 3       ? "there are too few subsystems"
                : t->cut == TOGETHER && n < 2 ? "there is one subsystem"
                : t->ranks && (scene->run.recorded != NULL || scene->run.record_every > 1)
                    ? "the scene records a part of its states"

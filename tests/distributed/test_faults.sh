@@ -1,6 +1,7 @@
 #!/bin/sh
-# test_faults.sh PORTMETD MAKE_SCENE SAME_RECORDING: lost messages, a node that is paused and a run that is
-# stopped as a whole for longer than its patience change no bit of the result.
+# test_faults.sh PORTMETD MAKE_SCENE SAME_RECORDING: a node that is paused, a network that is down and a run that is
+# stopped as a whole for longer than its patience change no bit of the result. test_same_bits.sh and test_many.sh lose
+# messages.
 . "$(dirname "$0")/network.sh"
 steps=100
 
@@ -38,18 +39,6 @@ for hold in 50 1000000; do
     ends frozen$hold $pid 12 "interrupted"
 done
 
-# Without loss.
-configs=$(realpath "$(dirname "$0")/../../configs")
-sed -e "s,reference/,$configs/reference/,; s/rk4, substeps: 16/rk4, tolerance: 1.0e-4/" \
-    "$configs/analytic_double_pendulum.yaml" >"$folder/adaptive.yaml"
-"$portmetd" run "$folder/adaptive.yaml" --in-process --quiet --steps $steps --record "$folder/adaptive.h5" ||
-    fail "adaptive, in process"
-sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," \
-    -e '/^time:/i processes: {first: [link1, link2]}' \
-    -e '/^time:/i lockstep: {window: 16}' "$configs/chain_5.yaml" >"$folder/chain.yaml"
-start four run "$folder/chain.yaml" --steps $steps --record "$folder/four.h5"
-ends four $pid 0 ""
-
 # What was begun above.
 awaits paused "the run pauses after step 50: no word from right"
 says paused "held after step 80" && fail "paused: steps were made without a node"
@@ -59,38 +48,6 @@ awaits paused "the run goes on"
 goes_on "$folder/patient.yaml"
 wait $paused || fail "paused: exit code $?"
 "$same_recording" "$folder/plain.h5" "$folder/paused.h5" || fail "paused"
-
-# Messages lost, each for all its receivers: one of ten of two processes, one of twenty of four.
-lose() {
-    nft flush chain ip loss input &&
-        nft add rule ip loss input udp dport 7667 numgen random mod "$1" == 0 counter drop
-}
-# keeps_bits NAME: a lossy run is like the one before without loss.
-keeps_bits() {
-    "$same_recording" "$folder/$1.h5" "$folder/$1_lossy.h5" || fail "$1, lossy"
-    nft list chain ip loss input | grep -q 'packets [1-9]' || fail "$1: nothing was lost"
-}
-speed() {
-    sed -n 's/^Speed: \([0-9]*\).*/\1/p' "$folder/$1.out"
-}
-if nft add table ip loss 2>/dev/null &&
-    nft add chain ip loss input '{ type filter hook input priority 0; }' && lose 10; then
-    start run run "$scene" --quiet --steps $steps --record "$folder/plain_lossy.h5"
-    ends run $pid 0 ""
-    keeps_bits plain
-
-    start adaptive run "$folder/adaptive.yaml" --quiet --steps $steps --record "$folder/adaptive_lossy.h5"
-    ends adaptive $pid 0 ""
-    keeps_bits adaptive
-
-    lose 20
-    start four_lossy run "$folder/chain.yaml" --steps $steps --record "$folder/four_lossy.h5"
-    ends four_lossy $pid 0 ""
-    keeps_bits four
-    echo "four processes: $(speed four) steps/s, with 5 % loss $(speed four_lossy)"
-else
-    echo "no nft here: loss is covered by test_lockstep only"
-fi
 
 # No network for a second, in the middle of a run of 2.5 s; and for longer than the run's patience.
 has_begun() {

@@ -17,12 +17,16 @@ for integrator in rk4 discrete_gradient rk4_balanced; do
     good "$folder/scene_$integrator.yaml" 12
 done
 good "$(dirname "$0")/../support/coenergies.yaml" 14
-good "$(dirname "$0")/../../configs/chain_3.yaml" 14
 sed 's/substeps: [0-9]*/tolerance: 1.0e-3/' "$scene" >"$folder/scene_adaptive.yaml"
 good "$folder/scene_adaptive.yaml" 8
 grep -q 'killed .*skipped: a scene with a tolerance keeps no checkpoints' "$folder/test.out" || fail "no word of what is skipped"
 
 configs=$(cd "$(dirname "$0")/../../configs" && pwd)
+# The scene's own processes, one of them with both ends of a chain.
+sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," -e '/^time:/i processes: {ends: [link1, link3]}' \
+    -e '/^time:/i lockstep: {window: 16}' "$configs/chain_3.yaml" >"$folder/chain.yaml"
+good "$folder/chain.yaml" 15
+grep -q "the scene's own processes .*the same bits" "$folder/test.out" || fail "no word of the scene's own processes"
 # Steps that do not converge are divided in the same round by all processes.
 sed -e 's/^time: .*/time: {dt: 0.3, steps: 30, integrator: discrete_gradient, substeps: 1}/' -e 's/Tr: 300.0/Tr: 30000.0/' \
     -e "s|file: reference|file: $configs/reference|" "$configs/analytic_double_pendulum.yaml" >"$folder/hot.yaml"
@@ -44,8 +48,9 @@ cp "$folder"/*.h5 "$folder/other"
 python3 -c 'import json, sys; t = json.load(open(sys.argv[1])); assert t["failed"] == 0 and t["ports"][0]["used"] and len(t["runs"]) > 12' \
     "$folder/test.json" || fail "--json"
 cp "$folder/idle.h5" "$folder/other/right.h5"
-wrong 14 "1 of 1[0-9] runs failed, the first the last process with .*--other: .*node right holds another" "$scene" \
-    --other "$folder/other"
+sed '/^time:/i processes: {here: [left], there: [right]}' "$scene" >"$folder/scene_hosts.yaml"
+wrong 14 "1 of 1[0-9] runs failed, the first the last process with .*--other: .*node there holds another" \
+    "$folder/scene_hosts.yaml" --other "$folder/other"
 sed '/^time:/i laws: {energy: 1.0e-30}' "$scene" >"$folder/scene_strict.yaml"
 # A part that reads the clock; a scene with a tolerance has fewer runs.
 sed -e "s|file: reference|file: $configs/reference|; s/substeps: 16/tolerance: 1.0e-3/" \
@@ -76,18 +81,6 @@ ends two $pid 0 ""
 ends one $one 0 ""
 "$same_recording" "$folder/plain.h5" "$folder/one.h5" || fail "one of two runs"
 "$same_recording" "$folder/plain.h5" "$folder/two.h5" || fail "two of two runs"
-
-# By hand, the coordinator last.
-start left node "$scene" left
-left=$pid
-start right node "$scene" right
-right=$pid
-await_nodes $left $right
-start coordinator coordinator "$scene" --quiet --record "$folder/hand.h5"
-ends coordinator $pid 0 ""
-ends left $left 0 ""
-ends right $right 0 ""
-"$same_recording" "$folder/plain.h5" "$folder/hand.h5" || fail "by hand"
 
 no_orphans "at the end" ""
 # bench --processes: what a step costs in one process over LCM; a small budget leaves the other cuts out.
