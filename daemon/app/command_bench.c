@@ -31,6 +31,7 @@
 #define ALL_ROUNDS 9000      // exchanges in a step of all settings and references together
 #define ALL_TIMES 100        // or times as many as the scene makes
 #define SHARE 0.7            // of the budget that they are planned to take
+#define KEPT 0.25            // of the budget, for other starts
 #define TRIAL 0.1            // s of CPU time in which the cost of a step is measured
 #define CERTAIN 100          // by how much the references agree better than the best setting
 #define MOST_GROUPS 64       // names of groups
@@ -283,6 +284,7 @@ static pm_status report(const bench *b, double target) {
     double front = INFINITY, finest = INFINITY, other[STARTS];
     char text[128];
     int count = 0, left = 0;
+    pm_status picture = PM_OK;
     memcpy(other, b->other, (size_t)b->nstart * sizeof *other);
     const double agreement = pm_box_of(b->nstart, other).median;
     for (int i = 0; i < b->nsetting; ++i) {
@@ -380,7 +382,7 @@ static pm_status report(const bench *b, double target) {
             fprintf(file, "%.6g %.6g\n", s->error, s->seconds);
         }
         fclose(file);
-        PM_TRY(nblock == 0 ? PM_OK : pm_python_run(&pm_python_pictures, drawn, false));
+        picture = nblock == 0 ? PM_OK : pm_python_run(&pm_python_pictures, drawn, false);
     }
     if (best == NULL) {
         return pm_fail(PM_EBROKEN, "bench: no setting reaches %g %%: the best has %.2g %%",
@@ -414,7 +416,7 @@ static pm_status report(const bench *b, double target) {
                describe(best, text, sizeof text), scene, 100 * best->error,
                b->steps * best->stepping.dt);
     }
-    return PM_OK;
+    return picture;
 }
 
 // Adds a setting with the step of the scene's own, which is there already.
@@ -524,7 +526,9 @@ static pm_status execute(const pm_run_options *options) {
                                 ? b.reference[0].first.why
                                 : "it takes more than the --budget: allow more, or fewer --steps"));
     }
+    left -= KEPT * budget;
     PM_TRY_DONE(pm_rollout_parallel(0, b.nsetting, measure, &b, &left, "bench", options->stop));
+    left += KEPT * budget;
     PM_TRY_DONE(choose(&b, target / 100, &left));
     status = report(&b, target / 100);
 done:

@@ -158,6 +158,7 @@ static pm_status report(stress *t) {
         }
     }
     FILE *file = NULL;
+    pm_status picture = PM_OK;
     if (options->picture != NULL) {
         snprintf(text, sizeof text, "%s.txt", options->picture);
         PM_TRY(pm_files_create(&file, text, NULL));
@@ -190,7 +191,7 @@ static pm_status report(stress *t) {
     if (file != NULL) {
         const char *const drawn[] = {"stress", options->picture, NULL};
         fclose(file);
-        PM_TRY(pm_python_run(&pm_python_pictures, drawn, false));
+        picture = pm_python_run(&pm_python_pictures, drawn, false);
     }
     if (!options->json && left > 0) {
         printf("\n%d of %d rollouts are left out: they need a larger --budget.\n", left, t->count);
@@ -248,7 +249,7 @@ static pm_status report(stress *t) {
     if (!options->json) {
         printf("\nThe scene's own settings held from every start inside the training range.\n");
     }
-    return PM_OK;
+    return picture;
 }
 
 static void add(stress *t, const char *kind, const pm_start *start, const pm_stepping *stepping,

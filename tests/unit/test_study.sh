@@ -47,6 +47,10 @@ succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 
 [ -z "$picture" ] || [ -s "$folder/map.svg" ] || fail "stress --picture"
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
+mkdir "$folder/bin" && cp "$portmetd" "$folder/bin" && program=$folder/bin/portmetd # away from what draws
+expect 4 "pictures: the Python package of portmet is not where it was" stress "$known" --steps 2 --budget 300 --picture "$folder/none"
+grep -q "^The scene's own settings held" "$folder/out" || fail "stress: no picture, and no result either"
+program=$portmetd
 [ -n "${4:-}" ] || succeed "The scene's own settings held" stress "$configs/bouncing_masses.yaml" --steps 20 --budget 300 # moves nothing but by rounding
 sed -e 's/{K: 0.5}/{K: 300}/' -e 's/substeps: [0-9]*/substeps: 4/' -e '/^reference:/d' "$known" >"$folder/fast.yaml"
 sed -n 's/^reference: //p' "$known" | grep -q . || fail "expected a scene with a reference"
