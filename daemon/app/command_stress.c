@@ -155,6 +155,8 @@ static pm_status report(stress *t) {
         if (broken != NULL) {
             printf("    the first: dt %g s: %s\n", broken->spec.stepping.dt,
                    explain(broken, text, sizeof text));
+        } else if (t->rollout[i - 1].spec.seconds > 0) { // as many as its time allowed
+            printf("    %ld steps\n", steps);
         }
     }
     FILE *file = NULL;

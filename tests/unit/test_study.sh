@@ -46,6 +46,7 @@ command -v gnuplot >/dev/null && picture="--picture $folder/map" # without a wor
 succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 $picture
 [ -z "$picture" ] || [ -s "$folder/map.svg" ] || fail "stress --picture"
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
+grep -q '^    20000 steps$' "$folder/out" || fail "stress: how many steps"
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
 mkdir "$folder/bin" && cp "$portmetd" "$folder/bin" && program=$folder/bin/portmetd # away from what draws
 expect 4 "pictures: the Python package of portmet is not where it was" stress "$known" --steps 2 --budget 300 --picture "$folder/none"
