@@ -300,6 +300,13 @@ static pm_status execute(const pm_run_options *options) {
     const pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};
     pm_rollout_run(&t.base, &start[0][0], &spec, NULL, &trial);
     const double cost = trial.steps > 0 ? trial.seconds / (double)trial.steps : TRIAL;
+    bool driven = false; // by more than temperatures, which stay as they are
+    for (int k = 0; k < physics->nboundary_input; ++k) {
+        const pm_layout *layout = &physics->boundary_input[k].layout;
+        for (int g = 0; g < layout->ngroup; ++g) {
+            driven = driven || strcmp(layout->group[g].unit, "J/K") != 0;
+        }
+    }
     const int most = INSIDE + (WIDTHS - 1) * BEYOND + (LENGTHS - 1) * (BEYOND + WIDTHS * BEYOND);
     const double fit = SHARE * budget / (cost * most);
     own.steps = options->steps > 0  ? (int)options->steps
@@ -332,14 +339,14 @@ static pm_status execute(const pm_run_options *options) {
             }
         }
     }
-    for (int f = 0; f < FACTORS && physics->nboundary_input > 0; ++f) {
+    for (int f = 0; f < FACTORS && driven; ++f) {
         for (int i = 0; i < nstart[0] && i < BEYOND; ++i) {
             add(&t, larger[f], &start[0][i], &own, 1, -1, 0);
             t.rollout[t.count - 1].spec.factor = 2 << f;
             t.rollout[t.count - 1].own = false;
         }
     }
-    for (int k = 0; k < (physics->nboundary_input > 0 ? 2 : 1); ++k) {
+    for (int k = 0; k < (driven ? 2 : 1); ++k) {
         add(&t, k == 0 ? "dt doubled until it breaks" : "inputs doubled until it breaks",
             &start[0][0], &own, k == 0 ? 1 << LENGTHS : 1, -1, 0);
         rollout *last = &t.rollout[t.count - 1];
@@ -348,7 +355,7 @@ static pm_status execute(const pm_run_options *options) {
         last->larger = k == 1;
         last->own = false;
     }
-    for (int d = 1; d < PM_NDRIVE && physics->nboundary_input > 0; ++d) {
+    for (int d = 1; d < PM_NDRIVE && driven; ++d) {
         for (int i = 0; i < nstart[0] && i < BEYOND; ++i) {
             add(&t, drives[d], &start[0][i], &own, 1, -1, 0);
             t.rollout[t.count - 1].spec.drive = (pm_drive)d;

@@ -424,9 +424,7 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
     unlink(in_folder(a, plain, "run.out"));
     int code;
     if (t->other) {
-        // The coordinator and each node start as on hosts of their own, the last with the weights
-        // of
-        // --other.
+        // The coordinator and each node start as on hosts of their own.
         const pm_network *network = &scene->network;
         pm_arena arena = {0};
         pid_t *node = pm_arena_array(&arena, (size_t)network->nprocess, sizeof *node);

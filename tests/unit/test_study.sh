@@ -48,6 +48,19 @@ succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
 grep -q '^    20000 steps$' "$folder/out" || fail "stress: how many steps"
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
+# Inputs of a temperature alone stay as they are, and no rollout claims to change them.
+cat >"$folder/cup.yaml" <<'END'
+scene: cup
+time: {dt: 0.1, steps: 50, integrator: rk4, substeps: 2}
+models:
+  body: {constants: {c: 5.0, Tr: 300.0}, energy: "c*Tr*exp(s/c)", entropy: s}
+  wall: {law: bracket, constants: {K: 0.5}, irreversible: {given: [[a.s, b.s, "K*b.dE.s/a.dE.s"]]}}
+boundary_inputs: {room: {s: {unit: J/K, dE: 293, dS: 1}}}
+subsystems: {cup: {model: body, state: {s: {unit: J/K, size: 1}}, initial: {s: 0.5}}}
+ports: {wall: {law: bracket, between: [cup, room], expose: {cup: s, room: s}, model: wall}}
+END
+succeed "many steps" stress "$folder/cup.yaml" --steps 20 --budget 300
+! grep -q inputs "$folder/out" || fail "stress: inputs that stay as they are"
 mkdir "$folder/bin" && cp "$portmetd" "$folder/bin" && program=$folder/bin/portmetd # away from what draws
 expect 4 "pictures: the Python package of portmet is not where it was" stress "$known" --steps 2 --budget 300 --picture "$folder/none"
 grep -q "^The scene's own settings held" "$folder/out" || fail "stress: no picture, and no result either"
