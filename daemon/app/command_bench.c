@@ -31,7 +31,7 @@
 #define ALL_ROUNDS 9000      // exchanges in a step of all settings and references together
 #define ALL_TIMES 100        // or times as many as the scene makes
 #define SHARE 0.7            // of the budget that they are planned to take
-#define KEPT 0.25            // of the budget, for other starts
+#define KEPT 0.1             // of the budget, for other starts
 #define TRIAL 0.1            // s of CPU time in which the cost of a step is measured
 #define CERTAIN 100          // by how much the references agree better than the best setting
 #define MOST_GROUPS 64       // names of groups
