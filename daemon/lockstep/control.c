@@ -66,12 +66,12 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
     const int64_t step = c->completed < c->first ? c->first : c->completed;
     const bool with_state = pages == 0 && c->want_state && c->completed >= c->first &&
                             !pm_scene_may_report_sums(c->scene);
-    const bool held = c->phase == PM_COORDINATOR_HELD, any = control->run.number > 0;
+    const bool held = c->phase == PM_COORDINATOR_HELD;
     const int8_t phase = control->active
                              ? held ? PORTMET_CONTROL_REPLY_T_HELD : PORTMET_CONTROL_REPLY_T_RUNNING
-                         : !held ? PORTMET_CONTROL_REPLY_T_GATHERING
-                         : any   ? PORTMET_CONTROL_REPLY_T_ENDED
-                                 : PORTMET_CONTROL_REPLY_T_IDLE;
+                         : !held                   ? PORTMET_CONTROL_REPLY_T_GATHERING
+                         : control->run.number > 0 ? PORTMET_CONTROL_REPLY_T_ENDED
+                                                   : PORTMET_CONTROL_REPLY_T_IDLE;
     const portmet_control_reply_t message = {
         .client = to->id,
         .nonce = nonce,
@@ -84,7 +84,7 @@ static void reply(pm_control *control, const client *to, int64_t nonce, int8_t k
         .pages = pages,
         .owner = control->owner,
         .session = c->endpoint.session,
-        .run = any ? control->run.number : c->run,
+        .run = control->run.number,
         .digest = (int64_t)c->endpoint.system->digest,
         .step = step,
         .steps = c->endpoint.steps == PM_STEPS_MAX ? 0 : c->endpoint.steps,
@@ -211,7 +211,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
         snprintf(control->owner, sizeof control->owner, "%s", from_client->name);
         snprintf(control->record, sizeof control->record, "%s", r->file);
         *run = (pm_control_run){
-            .number = (run->number > 0 ? run->number : 1) + 1,
+            .number = run->number + 1,
             .steps = r->steps,
             .pace = r->pace == 0 ? c->scene->run.pace : r->pace,
             .held = r->held != 0,
@@ -508,7 +508,8 @@ static pm_drop on_control(void *context, const void *data, size_t size) {
     // Services ask, and the one that is older answers.
     const int64_t own = c->endpoint.identity.hello.instance;
     if (r->kind == PORTMET_CONTROL_T_SERVED) {
-        if (r->client == own && r->nonce == own_nonce(control) && control->run.number <= 1) {
+        if (r->client == own && r->nonce == own_nonce(control) &&
+            control->run.number <= !c->stays) {
             snprintf(control->other, sizeof control->other, "%s",
                      r->sender[0] == 0 ? "another" : r->sender);
         }
