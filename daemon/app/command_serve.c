@@ -27,7 +27,7 @@
 #define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
 #define WATCH_INTERVAL 0.05   // s between two looks at the children
 #define SETTLED 1.0           // s after which the control has asked whether there is another
-#define RESTING 0.5           // s between two looks at the children while nothing is to be done
+#define RESTING 1.0           // s between two looks at the children while nothing is to be done
 #define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
 #define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
@@ -233,8 +233,9 @@ static pm_status conduct(service *s) {
         }
         const bool rests = next - now > 2 * WATCH_INTERVAL && now > begun + SETTLED;
         const double interval = rests ? RESTING : WATCH_INTERVAL;
-        const double wait = next - now < interval ? next - now : interval;
-        PM_TRY(pm_transport_wait(transport, wait > 0 ? wait : 0, NULL));
+        const double wait = fmax(0, fmin(next - now, interval));
+        coordinator->endpoint.presence.planned = wait;
+        PM_TRY(pm_transport_wait(transport, wait, NULL));
         now = pm_clock();
     }
     return stays && first != PM_OK ? pm_fail(first, "%s", reason)

@@ -12,7 +12,7 @@
 
 // Another thread (LCM's) may receive the signal, which then does not wake this one.
 #define STOP_INTERVAL 0.1 // s between two readings of the stop flag, at most
-#define LONGEST_WAIT 10.0 // s between them while nothing is to be done for a long time
+#define LONGEST_WAIT 30.0 // s between them while nothing is to be done for a long time
 #define LONG_WAIT 2.0     // s, a long time
 
 // --- identity ---

@@ -13,7 +13,7 @@
 // run if that is more, since many processes would send little else.
 #define PM_VITALS_INTERVAL 1.0 // s
 #define PM_VITALS_EACH 0.004   // s
-#define PM_REST_EACH 0.125     // s
+#define PM_REST_EACH 0.25      // s
 #define PM_REST_MOST 30.0      // s
 
 // The caller owns this storage and initialises it with zeros. Times are in s, of the clock

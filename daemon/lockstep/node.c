@@ -932,7 +932,7 @@ static pm_status await(pm_lockstep_node *node) {
                        now - waiting->since, node->round, (long long)node->step);
     }
     if (rests) {
-        node->next = now + patience / 2;
+        node->next = now + rest / 3; // if ticks get lost
         return pm_reporter_flush(&node->reporter);
     }
     if (!pm_waiting_request_due(waiting, now)) {
