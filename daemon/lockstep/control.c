@@ -207,20 +207,23 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
                        "a run that is recorded cannot go back: stop it, and start another");
     }
     if (starts) {
-        control->owner_id = from_client->id;
-        snprintf(control->owner, sizeof control->owner, "%s", from_client->name);
-        snprintf(control->record, sizeof control->record, "%s", r->file);
-        *run = (pm_control_run){
+        pm_control_run next = {
             .number = run->number + 1,
             .steps = r->steps,
             .pace = r->pace == 0 ? c->scene->run.pace : r->pace,
             .held = r->held != 0,
             .from_client = r->nz > 0,
             .from = -1,
-            .owner = control->owner,
-            .record = control->record,
+            .owner = from_client->name,
+            .record = r->file,
         };
-        PM_TRY(control->service.begin(control->service.context, run, &observer));
+        PM_TRY(control->service.begin(control->service.context, &next, &observer));
+        control->owner_id = from_client->id;
+        snprintf(control->owner, sizeof control->owner, "%s", next.owner);
+        snprintf(control->record, sizeof control->record, "%s", next.record);
+        next.owner = control->owner;
+        next.record = control->record;
+        *run = next;
     }
     const pm_lockstep_order order = {
         .steps = run->steps,

@@ -43,7 +43,7 @@ asks 4 "is no file" start --record link.h5
 [ ! -e "$folder/elsewhere.h5" ] || fail "a recording behind a link"
 
 # A run that is held: its recording can be read meanwhile.
-asks 0 "held, run .*, step 0" start --held --steps 50 --record held.h5
+asks 0 "held, run 4 of .*, step 0" start --held --steps 50 --record held.h5 # what was refused is no run
 asks 0 "step 20 of 50" advance --steps 20
 asks 2 "refused: run .* is under way, after step 20" start
 sleep 1
