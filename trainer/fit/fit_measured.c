@@ -716,7 +716,7 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         for (int c = 0; c < s->ny && status == PM_OK; ++c) {
             double square = 0, most = OUTLIER * s->terms.noise[c];
             long n = 0;
-            for (int i = 0; i < s->tracks->count; ++i) {
+            for (int i = 0; i < s->tracks->count; i += s->stride) {
                 for (int k = 0; k < s->tracks->track[i].count; ++k) {
                     const ptrdiff_t at = (ptrdiff_t)k * s->ny + c;
                     const bool measured = isfinite(s->tracks->track[i].y[at]);
@@ -1056,8 +1056,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
             "the structure loses: a black box has %.3g times less error", exp(own - other));
     }
     snprintf(text, sizeof text,
-             "On the %s part predictions miss %.3g %% of the typical distance of a column from its "
-             "median.",
+             "On the %s part predictions typically miss %.3g %% of the deviation of a column.",
              where, 100 * worst);
     pm_verdict_print(&v, text, f->verdict);
 done:

@@ -9,6 +9,10 @@
 #include "base/linalg.h"
 #include "shooting/continuation.h"
 
+// The standard deviation of a normal distribution over its median and its mean distance from the
+// middle.
+#define NORMAL_MEDIAN 1.4826022185056018
+#define NORMAL_MEAN 1.2533141373155001
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
 // Records have another noise than those of the fit if its logarithm differs by so many standard
@@ -362,20 +366,22 @@ static double later_sample(const pm_estimate *e, const pm_observation *o, const 
 double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                          const int *which, double seconds, int id, int column) {
     double mean = 0, square = 0, miss = 0;
-    int n = 0;
+    int n = 0, later = 0;
     for (int k = 0; k < e->ntime; ++k) {
-        const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
+        const double y = later_sample(e, o, dataset, which[id], -1, k, column);
         mean += isnan(y) ? 0 : y;
         n += !isnan(y);
     }
     mean /= n > 0 ? n : 1;
     for (int k = 0; k < e->ntime; ++k) {
+        const double any = later_sample(e, o, dataset, which[id], -1, k, column);
         const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
         const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
+        square += isnan(any) ? 0 : (any - mean) * (any - mean) / n;
         miss += isnan(y) ? 0 : r * r;
-        square += isnan(y) ? 0 : (y - mean) * (y - mean);
+        later += !isnan(y);
     }
-    return n == 0 ? NAN : isfinite(miss) ? sqrt(miss / square) : INFINITY;
+    return later == 0 ? NAN : isfinite(miss) ? sqrt(miss / later / square) : INFINITY;
 }
 
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
@@ -397,23 +403,26 @@ double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
                                  int column) {
     const size_t most = (size_t)e->count * (size_t)e->ntime;
     double *y = malloc(2 * most * sizeof *y), *miss = y == NULL ? NULL : y + most;
-    double error = NAN;
-    int n = 0;
+    double error = NAN, distance = 0;
+    int n = 0, later = 0;
     for (int i = 0; y != NULL && i < e->count; ++i) {
         for (int k = 0; k < e->ntime; ++k) {
-            const double value = later_sample(e, o, dataset, which[i], seconds, k, column);
+            const double value = later_sample(e, o, dataset, which[i], -1, k, column);
+            const double predicted = e->y[((ptrdiff_t)i * e->ntime + k) * e->ny + column];
             if (!isnan(value)) {
-                y[n] = value;
-                miss[n++] = fabs(e->y[((ptrdiff_t)i * e->ntime + k) * e->ny + column] - value);
+                y[n++] = value;
+            }
+            if (!isnan(later_sample(e, o, dataset, which[i], seconds, k, column))) {
+                miss[later++] = fabs(predicted - value);
             }
         }
     }
-    if (n > 0) {
+    if (later > 0) {
         const double middle = pm_box_of(n, y).median;
         for (int k = 0; k < n; ++k) {
-            y[k] = fabs(y[k] - middle);
+            distance += fabs(y[k] - middle) / n;
         }
-        error = pm_box_of(n, miss).median / pm_box_of(n, y).median;
+        error = NORMAL_MEDIAN * pm_box_of(later, miss).median / (NORMAL_MEAN * distance);
     }
     free(y);
     return error;

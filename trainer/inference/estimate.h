@@ -47,16 +47,18 @@ pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observati
 void pm_estimate_free(pm_estimate *e); // zeroed storage is allowed
 
 // Returns the relative L2 error of the prediction of one column, for trajectory which[id] after
-// `seconds`: the norm of the error divided by the norm of the measurements minus their mean. NAN:
-// nothing is measured after `seconds`; infinite: the prediction is not finite.
+// `seconds`: its root mean square divided by the standard deviation of the whole trajectory, which
+// may come to rest in between. NAN: nothing is measured after `seconds`; infinite: the prediction
+// is not finite.
 double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                          const int *which, double seconds, int id, int column);
 // Returns the distribution of these errors over all trajectories.
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                           const int *which, double seconds, int column);
 // Returns the median distance of the measurements of a column after `seconds` from their
-// predictions, in units of their median distance from their own median, over all trajectories. A
-// few outliers do not count. NAN: there are no measurements, or memory ran out.
+// predictions, in units of the mean distance of all measurements from their median, over all
+// trajectories, both as standard deviations of a normal distribution. A few outliers hardly count.
+// NAN: there are no measurements, or memory ran out.
 double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
                                  const pm_dataset *dataset, const int *which, double seconds,
                                  int column);
