@@ -1051,7 +1051,8 @@ void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
         const pm_logger_column *h = &v->column[i];
         if (h->part == part && v->pushes[i]) {
             fprintf(w->model, "%s[a.%s, b.x, \"%s\"]", some ? ", " : first, h->name,
-                    pm_logger_number(w, "push", h->name, h->inertia * h->constant,
+                    pm_logger_number(w, "push", h->name,
+                                     h->source == NULL ? 0 : h->inertia * h->constant,
                                      pm_logger_rate(w, h)));
             some = true;
         }

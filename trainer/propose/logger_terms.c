@@ -943,6 +943,10 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                         v->column[k].inertia *=
                             v->column[k].kind == PM_LOGGER_TEMPERATURE ? scale : 1;
                     }
+                    for (int a = 0; a < v->naction; ++a) {
+                        const pm_logger_column *target = &v->column[v->action[a].target];
+                        v->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? scale : 1;
+                    }
                 }
             }
         }
