@@ -51,25 +51,8 @@
 
 // --- noise ---
 
-// The root mean square distance of a column from the first sample of its window: a model that
-// misses more is worse than none.
-static double persistence(const pm_shooting *s, int column) {
-    double square = 0;
-    long n = 0;
-    for (int w = 0; w < s->nwindow; ++w) {
-        const double *y = s->tracks->track[s->window[w].track].y + column;
-        for (ptrdiff_t k = s->window[w].first + 1; k < s->window[w].last; ++k) {
-            const double away = y[k * s->ny] - y[(ptrdiff_t)s->window[w].first * s->ny];
-            square += isfinite(away) ? away * away : 0;
-            n += isfinite(away);
-        }
-    }
-    return n > 0 ? sqrt(square / (double)n) : INFINITY;
-}
-
 // Estimates the noise of every column from the median absolute residual. Given noise counts in the
-// last point; before, residuals contain what is still wrong with the model, too, and noise is no
-// more than the error of persistence: no column is given up.
+// last point; before, residuals contain what is still wrong with the model, too.
 // Raises *change to the largest relative change; `change` may be NULL.
 static pm_status update_noise(pm_shooting *s, const pm_continuation *continuation, bool last,
                               double *change) {
@@ -93,8 +76,7 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
         pm_sort((size_t)n, size);
         const double least =
             (last ? LEAST_NOISE : PM_CONTINUATION_EARLY_NOISE) * s->tracks->deviation[c];
-        const double found = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
-        const double estimate = last ? found : fmin(found, persistence(s, c));
+        const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
         const double given = continuation->given[c];
         const double noise = given > 0 && last ? given : fmax(fmax(estimate, least), given);
         if (change != NULL) {
