@@ -136,7 +136,7 @@ static void print_tables(prediction *j) {
     const pm_estimate *e = &j->estimate;
     const int ny = j->estimate.ny;
     printf("Starts estimated in the first %g s of %d trajectories; error after that, %% of the "
-           "deviation from the mean\n",
+           "deviation of the whole trajectory\n",
            j->seconds, j->count);
     printf("%-16s %10s %10s %10s %12s %18s\n", "column", "median", "mean", "largest", "residual",
            "inside 90 % bands");

@@ -27,7 +27,7 @@
 // to this part of their deviation, need nothing more.
 #define BETTER 0.85
 #define MUCH_BETTER 0.6
-#define NOISE_ALONE 2.0
+#define NOISE_ALONE 1.25
 #define ENOUGH 5e-3
 #define MOST_TRIALS 64
 // Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
