@@ -20,7 +20,7 @@
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
 // Trials after the first one end after so many s of CPU time; as many more are for their judgement.
-#define ENDED 15
+#define ENDED 30
 #define LEAST 1 // s of CPU time that every trial has
 // More that is hidden must lower the error by this factor; where one record both teaches a model
 // and judges it, by the smaller one. Columns that are predicted as well as their noise allows, or
