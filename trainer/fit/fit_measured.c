@@ -780,7 +780,9 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         } else {
             printf("%s: ", pm_error());
         }
-        p->attempt = good ? MOST_ATTEMPTS : p->attempt + 1;
+        // What cannot be integrated over two samples is not tried over whole trajectories.
+        const bool broken = status == PM_ENUMERIC && p->attempt + 1 == LONG_ATTEMPT;
+        p->attempt = good ? MOST_ATTEMPTS : p->attempt + (broken ? 2 : 1);
         printf(p->attempt < MOST_ATTEMPTS ? "another start is tried\n"
                                           : "the best start is taken again\n");
         f->measured.point[0] = PM_CONTINUATION_NONE;

@@ -453,7 +453,7 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
         finite = integrates(s);
     }
     free(theta);
-    finite = finite || refine(s, p, substeps, MOST_FINER) || draw_starts(s);
+    finite = finite || refine(s, p, substeps, MOST_FINER) || (hides(s) && draw_starts(s));
     PM_TRY(s->failed);
     return finite ? PM_OK
                   : pm_fail(PM_ENUMERIC, "the first windows of %d samples cannot be integrated",
