@@ -227,6 +227,35 @@ static void a_hidden_force_is_what_no_column_explains(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a brake of 5 J/K on a body of 3 kg, in a room ---
+
+static void brake_rate(const double *z, double *rate) {
+    rate[0] = (z[2] - 2 * z[0]) / 3;
+    rate[1] = (2 * z[0] * z[0] - 0.4 * (z[1] - z[3])) / 5;
+    rate[2] = 1.3 * z[3]; // the force and the room
+    rate[3] = -1.3 * z[2];
+}
+
+// The power of the friction tells how large the capacity is, and so what the room conducts.
+static void conduction_has_the_scale_of_capacities(void **state) {
+    (void)state;
+    static const char *const column[] = {"v", "T", "F", "room"};
+    pm_dataset *d = record(&(logged){4, 0, column, "m/s;degC;N;degC", 0.02, brake_rate});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "F,room", .hidden = -1});
+    const pm_logger_action *bath = NULL;
+    for (int a = 0; a < v.naction; ++a) {
+        bath = v.action[a].effect == PM_LOGGER_BATH ? &v.action[a] : bath;
+    }
+    assert_non_null(bath);
+    assert_int_equal(bath->target, 1);
+    assert_false(v.column[1].free_scale);
+    assert_true(fabs(v.column[1].inertia / 5 - 1) < 0.5);
+    assert_true(fabs(bath->gain / v.column[1].inertia / (0.4 / 5) - 1) < 0.2);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
@@ -235,6 +264,7 @@ int main(void) {
         cmocka_unit_test(nothing_passes_between_two_springs),
         cmocka_unit_test(a_loss_heats_another_part),
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
+        cmocka_unit_test(conduction_has_the_scale_of_capacities),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
