@@ -77,14 +77,14 @@ grep -q "a.v, b.V, " "$folder/gas/training.yaml" || fail "propose: expected a pi
 write carts 6 "x1 [m],v1 [m/s],x2 [m],v2 [m/s]" \
     "n = 4; for (j = 1; j <= 4; j++) y[j] = 0.4*rand() - 0.2" \
     "f = 30*(y[3] - y[1] - 0.1); a = (f - 20*y[1] - 0.3*y[2])/0.5; b = (-f - 0.2*y[4])/0.8
-     y[1] += h*y[2]; y[3] += h*y[4]; y[2] += h*a; y[4] += h*b"
-succeed "a port stores no energy: make both one part, or give the distance" propose --budget 0 --data "$folder"/carts_?.csv \
-    --part left=x1,v1 --part right=x2,v2 -o "$folder/carts"
-for i in 1 2 3 4 5 6; do
-    awk -F, -v OFS=, 'NR == 1 { $4 = "e [m]" } NR > 1 { $4 = $4 - $2 } { print }' OFMT=%.12g CONVFMT=%.12g "$folder/carts_$i.csv" >"$folder/spring_$i.csv"
-done
-succeed "e [m]: a position, whose rate is v2 -1 v1" propose --budget 0 --data "$folder"/spring_?.csv \
-    --part left=x1,v1 --part right=e,v2 -o "$folder/spring"
-grep -q "a.v1, b.e, 1.0" "$folder/spring/training.yaml" || fail "propose: expected a spring at the port"
+     x = y[1] + h/2*y[2]; z = y[3] + h/2*y[4]; v = y[2] + h/2*a; w = y[4] + h/2*b
+     f = 30*(z - x - 0.1); a = (f - 20*x - 0.3*v)/0.5; b = (-f - 0.2*w)/0.8
+     y[1] += h*v; y[3] += h*w; y[2] += h*a; y[4] += h*b"
+succeed "x2 [m]: a position, measured from x1 of left since a spring is between them, whose rate is v2 -1 v1" \
+    propose --budget 0 --data "$folder"/carts_?.csv --part left=x1,v1 --part right=x2,v2 -o "$folder/carts"
+grep -q 'x2: {unit: "m", columns: \["x2"\], relative_to: left.x1}' "$folder/carts/scene.yaml" || fail "propose: expected a distance"
+grep -q "a.v1, b.x2, 1.0" "$folder/carts/training.yaml" || fail "propose: expected a spring at the port"
+succeed "Verdict: good" fit "$folder/carts/training.yaml" -o "$folder/carts/weights"
+succeed "steps in violation                    0 of" evaluate "$folder/carts/scene.yaml" --weights "$folder/carts/weights" --data "$folder/carts_1.csv"
 
 finish

@@ -82,6 +82,11 @@ static void describe(const pm_logger_view *v) {
                        v->column[j].name);
             }
         }
+        const pm_logger_column *base = pm_logger_base(v, column);
+        if (base != NULL) {
+            printf(", measured from %s of %s since a spring is between them", base->name,
+                   v->part[base->part]);
+        }
         if (column->kind == PM_LOGGER_POSITION && !column->guided) {
             fputs(", whose rate is ", stdout);
             if (column->ratio != 1) {

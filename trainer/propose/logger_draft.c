@@ -245,7 +245,12 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 fprintf(f, ", hidden: {guess: %.6g, deviation: %.3g}}   # its sensor saturates\n",
                         column->mean, 2 * column->deviation);
             } else if (column->source != NULL) {
-                fprintf(f, ", columns: [\"%s\"]}\n", column->source);
+                fprintf(f, ", columns: [\"%s\"]", column->source);
+                const pm_logger_column *base = pm_logger_base(v, column);
+                if (base != NULL) {
+                    fprintf(f, ", relative_to: %s.%s", v->part[base->part], base->name);
+                }
+                fputs("}\n", f);
                 if (column->feeds) {
                     fprintf(f,
                             "      z_%s: {unit: m^3, hidden: true}   # gives the energy of fluid "

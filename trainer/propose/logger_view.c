@@ -12,10 +12,12 @@
 #define SAME 0.05       // of a rate: a velocity differs by less from that of its position
 #define FIRST_ORDER 0.3 // of the changes: a length that leaves less unexplained is a level
 #define ACTS 1e-3       // of the changes: an input that explains less does not act
-#define BESIDE 0.1      // of the best target's: other targets have such a share, at least
-#define MOVES 1e-3      // of the changes: a part that explains less does not move another one
-#define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
-#define FAINT 1e-4      // likewise, if it is more than this part of what all leave unexplained:
+#define SPRINGS 2e-3 // of the changes: a position of another part that explains less has no spring
+#define HELD 0.2     // of the stiffness of a position: a spring to what does not move has more
+#define BESIDE 0.1   // of the best target's: other targets have such a share, at least
+#define MOVES 1e-3   // of the changes: a part that explains less does not move another one
+#define COUPLED 1e-3 // of the changes that one co-energy explains of another one's
+#define FAINT 1e-4   // likewise, if it is more than this part of what all leave unexplained:
 #define NOTABLE 0.2
 #define ALIKE 0.3       // of two coefficients: they are opposite if their sum is smaller
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
@@ -96,6 +98,7 @@ static int add_hidden(pm_logger_samples *w, int p, const char *suffix, const cha
     view->column[c] = (pm_logger_column){
         .name = pm_arena_printf(&view->arena, "%s_%s", view->column[p].name, suffix),
         .id = -1,
+        .base = -1,
         .unit = unit,
         .dimension = pm_unit_parse(unit),
         .kind = kind,
@@ -1084,8 +1087,8 @@ static bool saturates(const pm_logger_samples *w, int c) {
            equal[0] <= SELDOM_EQUAL * steps[0];
 }
 
-// Copies the columns, inputs last.
-static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints) {
+// Copies the columns, inputs last. From column c that of base[c] is subtracted, unless it is -1.
+static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints, const int *base) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     const char **unit = NULL;
@@ -1130,6 +1133,7 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             *column = (pm_logger_column){.name = name,
                                          .source = d->column[c],
                                          .id = c,
+                                         .base = base[c],
                                          .kind = pass == 1 ? PM_LOGGER_INPUT : PM_LOGGER_FLOW,
                                          .mate = -1,
                                          .behind = -1,
@@ -1142,9 +1146,13 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             column->dimension.offset = 0;
             const pm_unit number = pm_unit_parse("1");
             column->angle = own.angle && pm_unit_equal(&own, &number);
+            const int from = base[c];
+            const pm_unit other = pm_unit_parse(from < 0 || unit == NULL ? "" : unit[from]);
             for (int k = 0; k < w->nrow; ++k) {
+                const double *row = d->z + (ptrdiff_t)k * d->ncolumn;
                 w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + view->ncolumn] =
-                    own.factor * d->z[(ptrdiff_t)k * d->ncolumn + c] + own.offset;
+                    own.factor * row[c] + own.offset -
+                    (from < 0 ? 0 : other.factor * row[from] + other.offset);
             }
             ++view->ncolumn;
             (void)pm_logger_measure(w, view->ncolumn - 1);
@@ -1157,8 +1165,8 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
-pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
-                         const pm_logger_hints *hints) {
+static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_logger_hints *hints,
+                      const int *base) {
     pm_logger_samples w = {.view = view, .nrow = dataset->ntrajectory * dataset->ntime};
     const size_t n = (size_t)w.nrow;
     pm_status status;
@@ -1172,7 +1180,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     for (int k = 0; k < w.nrow; ++k) {
         w.time[k] = pm_dataset_time(dataset, k / dataset->ntime, k % dataset->ntime);
     }
-    PM_TRY_DONE(take_columns(&w, hints));
+    PM_TRY_DONE(take_columns(&w, hints, base));
     PM_TRY_DONE(read_parts(view, hints));
     pm_logger_find_noise(&w);
     PM_TRY_DONE(find_kinds(&w, hints));
@@ -1212,6 +1220,70 @@ done:
         pm_arena_free(&view->arena);
     }
     return status;
+}
+
+// Returns true if a spring between two positions of two parts moves one of their velocities.
+static bool is_linked(const pm_logger_view *v, int q, int p) {
+    const pm_logger_column *a = &v->column[q], *b = &v->column[p];
+    return a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION && a->part != b->part &&
+           a->source != NULL && b->source != NULL && !a->guided && !b->guided &&
+           v->column[a->mate].part == a->part && v->column[b->mate].part == b->part &&
+           pm_unit_equal(&a->dimension, &b->dimension) &&
+           fmax(v->share[a->mate][p], v->share[b->mate][q]) > SPRINGS;
+}
+
+// A port stores no energy: the spring between two positions of two parts belongs to one of them,
+// whose position is then measured from the other one. base[column] becomes that of the other one,
+// along each chain of springs, from the position on which something else acts most. A position that
+// is held by something else, too, stays as it is. Returns whether any is changed.
+static bool measure_distances(const pm_logger_view *v, int *base) {
+    double held[PM_LOGGER_COLUMNS] = {0};
+    bool linked[PM_LOGGER_COLUMNS] = {false}, done[PM_LOGGER_COLUMNS] = {false}, any = false;
+    for (int q = 0; q < v->nvariable; ++q) {
+        const double *moves = v->coupling[v->column[q].mate >= 0 ? v->column[q].mate : q];
+        double sum = moves[q];
+        for (int p = 0; p < v->nvariable; ++p) {
+            linked[q] = linked[q] || is_linked(v, q, p);
+            sum += is_linked(v, q, p) ? moves[p] : 0;
+        }
+        held[q] = fabs(sum / moves[q]);
+    }
+    for (int parts = 0; parts < v->nvariable; ++parts) {
+        // The next of a chain, or the first of another one.
+        int next = -1, from = -1;
+        for (int q = 0; q < v->nvariable; ++q) {
+            for (int p = 0; p < v->nvariable && done[q]; ++p) {
+                if (!done[p] && is_linked(v, q, p)) {
+                    next = p, from = q;
+                }
+            }
+        }
+        for (int q = 0; q < v->nvariable && from < 0; ++q) {
+            next = linked[q] && !done[q] && (next < 0 || held[q] > held[next]) ? q : next;
+        }
+        if (next >= 0) {
+            done[next] = true;
+        }
+        if (from >= 0 && held[next] < HELD) {
+            base[v->column[next].id] = v->column[from].id;
+            any = true;
+        }
+    }
+    return any;
+}
+
+pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
+                         const pm_logger_hints *hints) {
+    int base[PM_LOGGER_COLUMNS];
+    for (int c = 0; c < PM_LOGGER_COLUMNS; ++c) {
+        base[c] = -1;
+    }
+    PM_TRY(look(view, dataset, hints, base));
+    if (measure_distances(view, base)) {
+        pm_logger_view_free(view);
+        PM_TRY(look(view, dataset, hints, base));
+    }
+    return PM_OK;
 }
 
 void pm_logger_view_free(pm_logger_view *view) {

@@ -51,6 +51,7 @@ typedef struct pm_logger_column {
     const char *name;   // of a group of the scene
     const char *source; // column of the dataset; NULL: nobody measures it
     int id;             // of this column; -1
+    int base;           // the column of a position of another part, from which it is measured; -1
     const char *unit;   // SI; values of the dataset are converted
     pm_unit dimension;
     bool angle;
@@ -209,6 +210,16 @@ static inline bool pm_logger_meets(const pm_logger_view *view, int one, int othe
             found || (ends[0] == one && ends[1] == other) || (ends[0] == other && ends[1] == one);
     }
     return found;
+}
+
+// Returns the position of another part from which a column is measured, or NULL.
+static inline const pm_logger_column *pm_logger_base(const pm_logger_view *view,
+                                                     const pm_logger_column *column) {
+    const pm_logger_column *base = NULL;
+    for (int c = 0; c < view->nvariable && column->source != NULL && column->base >= 0; ++c) {
+        base = view->column[c].id == column->base ? &view->column[c] : base;
+    }
+    return base;
 }
 
 static inline bool pm_logger_is_velocity(const pm_logger_column *c) {
