@@ -23,11 +23,13 @@
 #include "lockstep/node.h"
 #include "model/training_range.h"
 
-#define MOST_STARTING 16      // nodes that start at the same time
-#define LAUNCH_INTERVAL 0.25  // s after which one more starts, whatever the others do
-#define WATCH_INTERVAL 0.05   // s between two looks at the children
-#define SETTLED 1.0           // s after which the control has asked whether there is another
-#define RESTING 1.0           // s between two looks at the children while nothing is to be done
+#define MOST_STARTING 16     // nodes that start at the same time
+#define LAUNCH_INTERVAL 0.25 // s after which one more starts, whatever the others do
+#define WATCH_INTERVAL 0.05  // s between two looks at the children
+#define SETTLED 1.0          // s after which the control has asked whether there is another
+// s between two looks at the children while nothing is to be done. An interrupt may wait for the
+// next one, and mpirun kills what has not ended after 1 s.
+#define RESTING 0.5
 #define WATCHDOG_INTERVAL 1.0 // s between two words to the service manager
 #define END_GRACE 5.0         // s for the nodes to end by themselves after the last step
 
