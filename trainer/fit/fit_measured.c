@@ -293,10 +293,9 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
     }
     if (point->stage >= PM_CONTINUATION_SHORT && point->stride == 1 &&
         (m->point[0] < PM_CONTINUATION_SHORT || m->point[9] != 1)) {
-        // Names constants that the data hardly tell apart, once all take part and the starts of
-        // windows are known.
-        // Gaps count as they will at the end, so that whole trajectories tell, and not single
-        // windows.
+        // The constants that the data hardly tell apart are named once all trajectories take part
+        // and the starts of windows are known. Gaps count as they will at the end, so that whole
+        // trajectories tell, and not single windows.
         const pm_fit_measured *measured = &c->fit->measured;
         double *noise = pm_arena_array(&c->fit->arena, (size_t)c->shooting->ny, sizeof *noise);
         double *gap = pm_arena_array(&c->fit->arena, (size_t)c->shooting->nz, sizeof *gap);
@@ -780,7 +779,7 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         } else {
             printf("%s: ", pm_error());
         }
-        // What cannot be integrated over two samples is not tried over whole trajectories.
+        // A model that cannot be integrated over two samples is not tried over whole trajectories.
         const bool broken = status == PM_ENUMERIC && p->attempt + 1 == LONG_ATTEMPT;
         p->attempt = good ? MOST_ATTEMPTS : p->attempt + (broken ? 2 : 1);
         printf(p->attempt < MOST_ATTEMPTS ? "another start is tried\n"

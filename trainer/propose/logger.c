@@ -38,24 +38,6 @@
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
 #define PERCENT 100
 
-// Finds a position of one part that moves the velocity of a position of another part, by a spring
-// between both. -1: none.
-static void find_spring(const pm_logger_view *v, int one, int other, int *from, int *to) {
-    double most = ACTS;
-    for (int q = 0; q < v->nvariable; ++q) {
-        for (int c = 0; c < v->nvariable; ++c) {
-            const pm_logger_column *a = &v->column[q], *b = &v->column[c];
-            const bool between =
-                (a->part == one && b->part == other) || (a->part == other && b->part == one);
-            if (between && a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_FLOW &&
-                b->mate >= 0 && pm_unit_equal(&a->dimension, &v->column[b->mate].dimension) &&
-                v->share[c][q] > most) {
-                most = v->share[c][q], *from = q, *to = c;
-            }
-        }
-    }
-}
-
 // Prints what was found, one line for each column.
 static void describe(const pm_logger_view *v) {
     static const char *const kinds[] = {"a position",
@@ -128,7 +110,16 @@ static void describe(const pm_logger_view *v) {
     for (int k = 0; k < v->nidle; ++k) {
         const int *part = v->idle[k];
         int from = -1, to = -1;
-        find_spring(v, part[0], part[1], &from, &to);
+        for (int q = 0; q < v->nvariable; ++q) {
+            for (int p = 0; p < v->nvariable; ++p) {
+                if (v->column[q].part == part[0] && v->column[p].part == part[1] &&
+                    pm_logger_is_linked(v, q, p)) {
+                    const int mate = v->column[p].mate;
+                    const bool moves = v->share[mate][q] > PM_LOGGER_SPRINGS;
+                    from = moves ? q : p, to = moves ? mate : v->column[q].mate;
+                }
+            }
+        }
         if (from < 0) {
             printf("the data show nothing that passes between %s and %s: they have no port\n",
                    v->part[part[0]], v->part[part[1]]);

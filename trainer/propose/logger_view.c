@@ -12,12 +12,11 @@
 #define SAME 0.05       // of a rate: a velocity differs by less from that of its position
 #define FIRST_ORDER 0.3 // of the changes: a length that leaves less unexplained is a level
 #define ACTS 1e-3       // of the changes: an input that explains less does not act
-#define SPRINGS 2e-3 // of the changes: a position of another part that explains less has no spring
-#define HELD 0.2     // of the stiffness of a position: a spring to what does not move has more
-#define BESIDE 0.1   // of the best target's: other targets have such a share, at least
-#define MOVES 1e-3   // of the changes: a part that explains less does not move another one
-#define COUPLED 1e-3 // of the changes that one co-energy explains of another one's
-#define FAINT 1e-4   // likewise, if it is more than this part of what all leave unexplained:
+#define HELD 0.2        // of the stiffness of a position: a spring to what does not move has more
+#define BESIDE 0.1      // of the best target's: other targets have such a share, at least
+#define MOVES 1e-3      // of the changes: a part that explains less does not move another one
+#define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
+#define FAINT 1e-4      // likewise, if it is more than this part of what all leave unexplained:
 #define NOTABLE 0.2
 #define ALIKE 0.3       // of two coefficients: they are opposite if their sum is smaller
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
@@ -1222,16 +1221,6 @@ done:
     return status;
 }
 
-// Returns true if a spring between two positions of two parts moves one of their velocities.
-static bool is_linked(const pm_logger_view *v, int q, int p) {
-    const pm_logger_column *a = &v->column[q], *b = &v->column[p];
-    return a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION && a->part != b->part &&
-           a->source != NULL && b->source != NULL && !a->guided && !b->guided &&
-           v->column[a->mate].part == a->part && v->column[b->mate].part == b->part &&
-           pm_unit_equal(&a->dimension, &b->dimension) &&
-           fmax(v->share[a->mate][p], v->share[b->mate][q]) > SPRINGS;
-}
-
 // A port stores no energy: the spring between two positions of two parts belongs to one of them,
 // whose position is then measured from the other one. base[column] becomes that of the other one,
 // along each chain of springs, from the position on which something else acts most. A position that
@@ -1243,8 +1232,8 @@ static bool measure_distances(const pm_logger_view *v, int *base) {
         const double *moves = v->coupling[v->column[q].mate >= 0 ? v->column[q].mate : q];
         double sum = moves[q];
         for (int p = 0; p < v->nvariable; ++p) {
-            linked[q] = linked[q] || is_linked(v, q, p);
-            sum += is_linked(v, q, p) ? moves[p] : 0;
+            linked[q] = linked[q] || pm_logger_is_linked(v, q, p);
+            sum += pm_logger_is_linked(v, q, p) ? moves[p] : 0;
         }
         held[q] = fabs(sum / moves[q]);
     }
@@ -1253,7 +1242,7 @@ static bool measure_distances(const pm_logger_view *v, int *base) {
         int next = -1, from = -1;
         for (int q = 0; q < v->nvariable; ++q) {
             for (int p = 0; p < v->nvariable && done[q]; ++p) {
-                if (!done[p] && is_linked(v, q, p)) {
+                if (!done[p] && pm_logger_is_linked(v, q, p)) {
                     next = p, from = q;
                 }
             }

@@ -4,6 +4,7 @@
 #ifndef PM_TRAINER_PROPOSE_LOGGER_VIEW_H
 #define PM_TRAINER_PROPOSE_LOGGER_VIEW_H
 
+#include <math.h>
 #include <signal.h>
 #include <stdbool.h>
 
@@ -20,6 +21,8 @@
 #define PM_LOGGER_COLDEST 200.0 // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
+// Of the changes: a position of another part that explains less has no spring.
+#define PM_LOGGER_SPRINGS 2e-3
 
 typedef enum pm_logger_kind {
     PM_LOGGER_POSITION,    // dq/dt = v, where v is its mate; or of a charge and a current
@@ -220,6 +223,16 @@ static inline const pm_logger_column *pm_logger_base(const pm_logger_view *view,
         base = view->column[c].id == column->base ? &view->column[c] : base;
     }
     return base;
+}
+
+// Returns true if a spring between two positions of two parts moves one of their velocities.
+static inline bool pm_logger_is_linked(const pm_logger_view *view, int q, int p) {
+    const pm_logger_column *a = &view->column[q], *b = &view->column[p];
+    return a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION && a->part != b->part &&
+           a->source != NULL && b->source != NULL && !a->guided && !b->guided &&
+           view->column[a->mate].part == a->part && view->column[b->mate].part == b->part &&
+           pm_unit_equal(&a->dimension, &b->dimension) &&
+           fmax(view->share[a->mate][p], view->share[b->mate][q]) > PM_LOGGER_SPRINGS;
 }
 
 static inline bool pm_logger_is_velocity(const pm_logger_column *c) {

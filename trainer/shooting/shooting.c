@@ -23,8 +23,8 @@ static const pm_damping damping_of_starts = {
 #define FEW (PM_SENSITIVITY_BATCH / 2)
 // The factor of the damping after a step to where derivatives are not finite.
 #define SHORTER 1e4
-// Where along a step its curvature is measured, and the largest curvature, in relation to the step,
-// by which a step is bent (Transtrum, Sethna, arXiv:1201.5885, 4.4).
+// The curvature of a step is measured at this part of it. A step is bent unless its curvature is
+// larger than this in relation to it (Transtrum, Sethna, arXiv:1201.5885, 4.4).
 #define PROBE 0.1
 #define MOST_BENT 0.75
 
