@@ -87,4 +87,12 @@ grep -q "a.v1, b.x2, 1.0" "$folder/carts/training.yaml" || fail "propose: expect
 succeed "Verdict: good" fit "$folder/carts/training.yaml" -o "$folder/carts/weights"
 succeed "steps in violation                    0 of" evaluate "$folder/carts/scene.yaml" --weights "$folder/carts/weights" --data "$folder/carts_1.csv"
 
+# If walls hold both carts, the distance is needed beside the positions.
+write walls 6 "x1 [m],v1 [m/s],x2 [m],v2 [m/s]" \
+    "n = 4; for (j = 1; j <= 4; j++) y[j] = 0.4*rand() - 0.2" \
+    "f = 30*(y[3] - y[1]); a = (f - 20*y[1] - 0.3*y[2])/0.5; b = (-f - 25*y[3] - 0.2*y[4])/0.8
+     y[2] += h*a; y[4] += h*b; y[1] += h*y[2]; y[3] += h*y[4]"
+succeed "make both one part, or give the distance x1 - x2 as a further column" propose --budget 0 --data "$folder"/walls_?.csv \
+    --part left=x1,v1 --part right=x2,v2 -o "$folder/walls"
+
 finish

@@ -124,12 +124,11 @@ static void describe(const pm_logger_view *v) {
             printf("the data show nothing that passes between %s and %s: they have no port\n",
                    v->part[part[0]], v->part[part[1]]);
         } else {
-            printf("%s of %s moves %s of %s, and a port stores no energy: make both one part, or "
-                   "give the distance %s - %s as a column instead of %s or %s\n",
-                   v->column[from].name, v->part[v->column[from].part], v->column[to].name,
-                   v->part[v->column[to].part], v->column[from].name,
-                   v->column[v->column[to].mate].name, v->column[from].name,
-                   v->column[v->column[to].mate].name);
+            const char *one = v->column[from].name, *other = v->column[v->column[to].mate].name;
+            printf("%s of %s moves %s of %s, a port stores no energy, and something else holds "
+                   "both: make both one part, or give the distance %s - %s as a further column\n",
+                   one, v->part[v->column[from].part], v->column[to].name,
+                   v->part[v->column[to].part], one, other);
         }
     }
 }
