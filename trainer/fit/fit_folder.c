@@ -55,6 +55,40 @@ pm_status pm_fit_search_start(pm_fit *f, double *loss) {
     return status;
 }
 
+// Writes or reads a start: all weights, and the constants that are fixed beside them.
+static pm_status exchange_start(pm_fit *f, const char *path, bool save) {
+    const size_t count = copy_constants(f, NULL, true);
+    double *constants = malloc((count + 1) * sizeof *constants);
+    PM_TRY(pm_allocated(constants, "a start"));
+    (void)copy_constants(f, constants, true);
+    const pm_checkpoint_field field[] = {{"theta", f->size, f->theta},
+                                         {"constants", (int)count, constants}};
+    const int nfield = count > 0 ? 2 : 1;
+    const pm_status status = save ? pm_checkpoint_save(path, "start", 0, nfield, field)
+                                  : pm_checkpoint_load(path, "start", 0, nfield, field);
+    if (status == PM_OK) {
+        (void)copy_constants(f, constants, false);
+    }
+    free(constants);
+    return status;
+}
+
+pm_status pm_fit_save_start(pm_fit *f, const char *path) {
+    return exchange_start(f, path, true);
+}
+
+pm_status pm_fit_load_start(pm_fit *f) {
+    const char *path = f->training->from;
+    const pm_status status = exchange_start(f, path, false);
+    PM_TRY(status == PM_OK ? PM_OK
+                           : pm_fail(status, "%s; without the key from of start weights are drawn",
+                                     pm_error()));
+    pm_trained_scatter(f->training->system, f->theta);
+    printf("start            from %s\n", path);
+    fflush(stdout);
+    return PM_OK;
+}
+
 // --- weights files ---
 
 static const char *base_name(const char *path) {

@@ -303,6 +303,9 @@ static pm_status start(pm_fit *f) {
     double least = INFINITY, loss = NAN;
     const int first = f->position.attempt;
     PM_TRY(pm_arena_status(&f->arena, "initial weights"));
+    if (f->training->from != NULL && first == 0) {
+        return pm_fit_load_start(f);
+    }
     pm_status status = pm_fit_search_start(f, &loss);
     while (status == PM_OK && loss > BAD_START && loss < FALLS * least &&
            f->arguments->effort == NULL && f->position.attempt + 1 < MOST_ATTEMPTS) {

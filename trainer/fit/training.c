@@ -120,10 +120,13 @@ static pm_status read_start(pm_training *t, pm_yaml block) {
     }
     t->tries = t->plain || !drawn || weights > MOST_WEIGHTS_OF_STARTS ? 1 : DEFAULT_TRIES;
     t->try_iterations = DEFAULT_TRY_ITERATIONS;
-    const pm_yaml_key keys[] = {{PM_YAML_INT("tries", &t->tries, 1, 1000)},
+    const pm_yaml_key keys[] = {{PM_YAML_TEXT("from", &t->from)},
+                                {PM_YAML_INT("tries", &t->tries, 1, 1000)},
                                 {PM_YAML_INT("iterations", &t->try_iterations, 1, 10000)},
                                 {0}};
-    return pm_yaml_read(block, &t->arena, keys);
+    PM_TRY(pm_yaml_read(block, &t->arena, keys));
+    t->from = t->from == NULL ? NULL : resolve(t, t->from);
+    return pm_arena_status(&t->arena, "a training file");
 }
 
 // --- the loss ---

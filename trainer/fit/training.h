@@ -38,6 +38,7 @@ typedef struct pm_training {
     const char *data_set; // the dataset of the file that holds the measurements; NULL: z
     uint64_t seed;
     bool plain;         // models stay as they are written (fit/defaults.h)
+    const char *from;   // path of the weights with which attempt 0 starts; NULL: draws
     int tries;          // initial draws to choose from (fit/start.h)
     int try_iterations; // iterations of each draw in the first round
     int nstage;

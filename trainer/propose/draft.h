@@ -55,6 +55,7 @@ typedef struct pm_draft {
         *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0
     pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
     bool sketch;       // small networks, for short fits that compare hypotheses
+    const char *start; // the file with which the fit starts (search.h); NULL: it draws
     const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;
 

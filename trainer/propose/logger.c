@@ -233,7 +233,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
         vector[i - from] = &number[i];
     }
     PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(longest + ENDED, 2 * left),
-                         s->hints->stop, s->trial + from, &s->used));
+                         NULL, s->hints->stop, s->trial + from, &s->used));
     const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);

@@ -147,10 +147,16 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
               ? "# A network alone needs no choice of initial weights. It is fitted to "
                 "derivatives, then to single "
                 "steps.\nstart: {tries: 1}\n"
+          : d->start != NULL
+              ? "# The fit starts with the weights that a short fit has left in a file, and draws "
+                "others if they\n# are bad. It fits derivatives, then single steps.\n"
               : "# Several initial weights are tried on derivatives. The best one is fitted to "
                 "derivatives "
                 "further,\n# then to single steps.\n",
           f);
+    if (d->start != NULL) {
+        fprintf(f, "start: {from: \"%s\"}\n", d->start);
+    }
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",
             iterations_of(d, DERIVATIVE_ITERATIONS, DERIVATIVE_BATCH, 1, DERIVATIVE_WORK),
@@ -180,6 +186,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         d.space.write = write_vector;
         d.space.context = &d;
         d.space.sketch = &d.sketch;
+        d.space.start = &d.start;
         const pm_search_how how = {.budget = p->budget,
                                    .most = PM_SEARCH_SLOW * p->budget,
                                    .loud = p->loud,

@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "base/arena.h"
+#include "base/path.h"
 #include "data/trained.h"
 #include "fit/fit.h"
 
@@ -74,6 +75,7 @@ typedef struct hypothesis_search {
     tried_vector candidate[MOST_VECTORS];
     int weights, nz, substeps;
     pm_fit_effort effort; // of a short fit
+    const char *path;     // of the training file of the winner
     double left, used;    // s: nominal time that is left, CPU time that was used
 } hypothesis_search;
 
@@ -130,7 +132,8 @@ static void list_constants(const pm_system *system, char *found) {
 
 // What the child process does. It never returns.
 static void work(const pm_hypotheses *space, const int *vector, const pm_fit_effort *effort,
-                 double seconds, const volatile sig_atomic_t *stop, const runner *r, int pipe) {
+                 double seconds, const char *start, const volatile sig_atomic_t *stop,
+                 const runner *r, int pipe) {
     const rlim_t limit = (rlim_t)ceil(seconds);
     const struct rlimit most = {limit, limit}, no_core = {0, 0};
     char config[PATH_MAX + NAME_OF_FILE];
@@ -152,6 +155,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;
         status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
+        status = status == PM_OK && start != NULL ? pm_fit_save_start(&f, start) : status;
         result.failed = status != PM_OK;
         if (!result.failed) {
             list_constants(f.training->system, result.found);
@@ -199,7 +203,7 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial
 }
 
 pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const *vector,
-                        const pm_fit_effort *effort, double seconds,
+                        const pm_fit_effort *effort, double seconds, const char *const *start,
                         const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used) {
     runner running[AT_ONCE] = {{.child = 0}};
     const char *root = getenv("TMPDIR");
@@ -228,7 +232,8 @@ pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const 
         r->child = pipe(ends) == 0 ? fork() : -1;
         if (r->child == 0) {
             close(ends[0]);
-            work(space, vector[i], effort, seconds, stop, r, ends[1]);
+            work(space, vector[i], effort, seconds, start == NULL ? NULL : start[i], stop, r,
+                 ends[1]);
         }
         if (r->child < 0) {
             status = pm_fail(PM_EFILE, "a process for a trial: %s", strerror(errno));
@@ -352,6 +357,14 @@ static bool is_over(const hypothesis_search *s) {
     return s->how->most > 0 && s->used > s->how->most;
 }
 
+// Writes to `path` [PATH_MAX] where the longer fit of a candidate leaves its weights; the winner's
+// file has no number (id -1).
+static void name_start(const hypothesis_search *s, int id, char *path) {
+    char number[16] = "";
+    snprintf(number, sizeof number, id < 0 ? "" : "%d", id);
+    snprintf(path, PATH_MAX, "%.*s.start%s", (int)pm_path_stem(s->path), s->path, number);
+}
+
 // Tries the candidates which [count].
 static pm_status run(hypothesis_search *s, int count, const int *which,
                      const pm_fit_effort *effort) {
@@ -364,10 +377,16 @@ static pm_status run(hypothesis_search *s, int count, const int *which,
         // The trials end with the time that is left, if it is measured, but not at once.
         const double left = most > 0 ? fmax(most - s->used, LEAST_SECONDS) : INFINITY;
         const double longest = fmin(fmax(SAFETY * seconds, FEWEST_SECONDS), left);
+        char path[AT_ONCE][PATH_MAX];
+        const char *start[AT_ONCE] = {NULL};
         for (int i = 0; i < n; ++i) {
             vector[i] = s->candidate[which[first + i]].vector;
+            name_start(s, which[first + i], path[i]);
+            start[i] = path[i];
         }
-        PM_TRY(pm_search_try(s->space, n, vector, effort, longest, s->how->stop, trial, &s->used));
+        const bool kept = s->space->start != NULL && effort->stages > 1;
+        PM_TRY(pm_search_try(s->space, n, vector, effort, longest, kept ? start : NULL,
+                             s->how->stop, trial, &s->used));
         for (int i = 0; i < n; ++i) {
             tried_vector *c = &s->candidate[which[first + i]];
             *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
@@ -563,7 +582,7 @@ static void print_trials(const hypothesis_search *s, FILE *f) {
 
 pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path,
                         pm_search_outcome *outcome) {
-    char *text = NULL;
+    char *text = NULL, own[PATH_MAX], start[PATH_MAX];
     size_t size = 0;
     int alternatives = 1;
     hypothesis_search *s = calloc(1, sizeof *s);
@@ -575,6 +594,7 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     }
     s->space = space;
     s->how = how;
+    s->path = path;
     for (int c = 0; c < space->count; ++c) {
         alternatives += space->choice[c].count - 1;
     }
@@ -604,10 +624,24 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
         outcome->first = longer ? first->last : first->trial;
         outcome->best = longer ? best->last : best->trial;
     }
+    name_start(s, s->best, own);
+    name_start(s, -1, start);
+    const bool starts = s->candidate[s->best].finalist && rename(own, start) == 0;
+    if (starts) {
+        const char *slash = strrchr(start, '/');
+        *space->start = slash == NULL ? start : slash + 1;
+    }
     status = fflush(comment) == 0
                  ? space->write(space->context, s->candidate[s->best].vector, text, path)
                  : pm_fail(PM_ENOMEM, "out of memory for a comment");
+    if (starts) {
+        *space->start = NULL;
+    }
 done:
+    for (int i = 0; i < s->ncandidate; ++i) {
+        name_start(s, i, own);
+        (void)(s->candidate[i].finalist && remove(own));
+    }
     fclose(comment);
     free(text);
     pm_arena_free(&s->arena);

@@ -321,44 +321,6 @@ static pm_status divide(pm_shooting *s, pm_continuation_point *point, int length
     return status;
 }
 
-// Chooses the point after one that has ended.
-static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
-                            pm_continuation_point *point) {
-    if (point->stage == PM_CONTINUATION_STARTS) {
-        point->stage = PM_CONTINUATION_SHORT;
-        point->damping = 0;
-        return PM_OK;
-    }
-    if (point->stage == PM_CONTINUATION_LAST) {
-        point->stage = PM_CONTINUATION_DONE;
-        return PM_OK;
-    }
-    point->stage = PM_CONTINUATION_GROW;
-    const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
-    const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
-    const bool longest = point->length >= pm_continuation_longest(s);
-    bool changed = false;
-    if (!longest && joins) {
-        const int stride = point->stride > 1 ? point->stride / 2 : 1;
-        PM_TRY(divide(s, point, 2 * point->length, stride, &changed));
-    }
-    // Tracks are added where windows cannot grow, too, if need be with shorter windows.
-    for (int length = point->length; !changed && point->stride > 1; length /= 2) {
-        if (length < PM_CONTINUATION_LEAST) {
-            return pm_fail(PM_ENUMERIC, "windows of more trajectories cannot be integrated");
-        }
-        PM_TRY(divide(s, point, length, point->stride / 2, &changed));
-    }
-    // Once every track is one window, there is no gap left to close.
-    const bool ends = !changed && (longest || closed);
-    if (ends) {
-        point->stage = PM_CONTINUATION_LAST;
-        return update_noise(s, continuation, true, NULL);
-    }
-    point->factor = fmax(point->factor * GAP_FALLS, PM_CONTINUATION_LAST_GAP);
-    return PM_OK;
-}
-
 // The weights need few tracks at first, unless a start of each is to be found, too.
 static int first_stride(const pm_shooting *s) {
     double measurements = 0;
@@ -419,6 +381,7 @@ static bool draw_starts(pm_shooting *s) {
 // Takes more substeps, up to `most` doublings, until the first windows can be integrated. Returns
 // whether they can; else the substeps stay as they were.
 static bool refine(pm_shooting *s, pm_continuation_point *p, int substeps, int most) {
+    const int before = p->finer;
     bool finite = false;
     for (int i = 0; i < most && !finite && s->nweight > 0 && s->failed == PM_OK; ++i) {
         ++p->finer;
@@ -430,13 +393,13 @@ static bool refine(pm_shooting *s, pm_continuation_point *p, int substeps, int m
         }
     }
     if (!finite) {
-        p->finer = 0;
-        begin_stage(s, p->stage, substeps);
+        p->finer = before;
+        begin_stage(s, p->stage, substeps << before);
     }
     return finite;
 }
 
-// Makes the first windows integrable: with a few more substeps, with weights that are closer to
+// Makes all windows integrable: with a few more substeps, with weights that are closer to
 // their declared values, with many more substeps, which cost as much time in all that follows, or
 // else with other starts.
 static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
@@ -456,8 +419,59 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
     finite = finite || refine(s, p, substeps, MOST_FINER) || (hides(s) && draw_starts(s));
     PM_TRY(s->failed);
     return finite ? PM_OK
-                  : pm_fail(PM_ENUMERIC, "the first windows of %d samples cannot be integrated",
-                            p->length);
+                  : pm_fail(PM_ENUMERIC, "windows of %d samples cannot be integrated", p->length);
+}
+
+// Divides the tracks into windows of the length of the point, or into shorter ones, so that they
+// can be integrated.
+static pm_status divide_calmly(pm_shooting *s, pm_continuation_point *p, int substeps) {
+    s->stride = p->stride;
+    PM_TRY(pm_shooting_divide(s, p->length));
+    pm_status status = calm(s, p, substeps);
+    while (status == PM_ENUMERIC && p->length > PM_CONTINUATION_LEAST) {
+        p->length = p->length / 2 > PM_CONTINUATION_LEAST ? p->length / 2 : PM_CONTINUATION_LEAST;
+        PM_TRY(pm_shooting_divide(s, p->length));
+        status = calm(s, p, substeps);
+    }
+    return status;
+}
+
+// Chooses the point after one that has ended.
+static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
+                            pm_continuation_point *point, int substeps) {
+    if (point->stage == PM_CONTINUATION_STARTS) {
+        point->stage = PM_CONTINUATION_SHORT;
+        point->damping = 0;
+        return PM_OK;
+    }
+    if (point->stage == PM_CONTINUATION_LAST) {
+        point->stage = PM_CONTINUATION_DONE;
+        return PM_OK;
+    }
+    point->stage = PM_CONTINUATION_GROW;
+    const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
+    const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
+    const bool longest = point->length >= pm_continuation_longest(s);
+    bool changed = false;
+    if (!longest && joins) {
+        const int stride = point->stride > 1 ? point->stride / 2 : 1;
+        PM_TRY(divide(s, point, 2 * point->length, stride, &changed));
+    }
+    // Tracks are added where windows cannot grow, too, if need be with shorter windows, or with
+    // weights that have not adapted so far to the tracks before.
+    if (!changed && point->stride > 1) {
+        point->stride /= 2;
+        PM_TRY(divide_calmly(s, point, substeps));
+        changed = true;
+    }
+    // Once every track is one window, there is no gap left to close.
+    const bool ends = !changed && (longest || closed);
+    if (ends) {
+        point->stage = PM_CONTINUATION_LAST;
+        return update_noise(s, continuation, true, NULL);
+    }
+    point->factor = fmax(point->factor * GAP_FALLS, PM_CONTINUATION_LAST_GAP);
+    return PM_OK;
 }
 
 pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation,
@@ -475,17 +489,8 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
                 continuation->first > 0 ? continuation->first : pm_continuation_first_length(s),
             .factor = FIRST_GAP,
             .stride = first_stride(s)};
-        s->stride = p->stride;
         begin_stage(s, p->stage, substeps);
-        PM_TRY(pm_shooting_divide(s, p->length));
-        pm_status status = calm(s, p, substeps);
-        while (status == PM_ENUMERIC && p->length > PM_CONTINUATION_LEAST) {
-            p->length =
-                p->length / 2 > PM_CONTINUATION_LEAST ? p->length / 2 : PM_CONTINUATION_LEAST;
-            PM_TRY(pm_shooting_divide(s, p->length));
-            status = calm(s, p, substeps);
-        }
-        PM_TRY(status);
+        PM_TRY(divide_calmly(s, p, substeps));
         PM_TRY(update_noise(s, continuation, false, NULL));
     }
     while (point.stage != PM_CONTINUATION_DONE) {
@@ -493,7 +498,7 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
         PM_TRY(continuation->keep == NULL ? PM_OK
                                           : continuation->keep(continuation->context, &point));
         PM_TRY(run_point(s, continuation, &point));
-        PM_TRY(next_point(s, continuation, &point));
+        PM_TRY(next_point(s, continuation, &point, substeps));
     }
     if (last != NULL) {
         *last = point;
