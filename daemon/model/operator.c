@@ -73,12 +73,15 @@ static bool is_of(const char *name, const char *group) {
 }
 
 bool pm_given_names(const pm_operator_spec *spec, const char *group) {
-    for (int i = 0; i < spec->ngiven; ++i) {
-        if (is_of(spec->given[i].row, group) || is_of(spec->given[i].col, group)) {
-            return true;
+    bool found = false;
+    for (int i = 0; i < spec->ngiven && !found; ++i) {
+        const pm_given_pair *pair = &spec->given[i];
+        found = is_of(pair->row, group) || is_of(pair->col, group);
+        for (int k = 0; k < pair->ndirection; ++k) {
+            found = found || is_of(pair->direction[k].name, group);
         }
     }
-    return false;
+    return found;
 }
 
 // Returns true if the group can take up heat: the operator's `heats` lists it, or, where `heats` is
@@ -98,7 +101,7 @@ static bool is_difference(const pm_operator_spec *spec, int i, const pm_site *si
         own = own || (heat && (is_of(pair->row, site->group[k].name) ||
                                is_of(pair->col, site->group[k].name)));
     }
-    return some && !own;
+    return some && !own && pair->ndirection == 0;
 }
 
 // --- supports ---
@@ -237,6 +240,16 @@ static pm_status check_pair(const pm_operator_spec *spec, int i, bool reversible
     const pm_given_pair *pair = &spec->given[i];
     const place row = place_of(s, pair->row), col = place_of(s, pair->col);
     const bool there = row.group < s->ngroup && col.group < s->ngroup;
+    for (int k = 0; k < pair->ndirection; ++k) {
+        const place term = place_of(s, pair->direction[k].name);
+        if (reversible || pair->cross || term.group == s->ngroup || term.size != 1 ||
+            (term.group == col.group && term.first == col.first)) {
+            return pm_fail(PM_ECONFIG,
+                           "%s: a direction must name variables of one component, other than %s "
+                           "which takes up the heat, in an irreversible operator: %s",
+                           what, pair->col, pair->direction[k].name);
+        }
+    }
     if (there && pair->cross) {
         int size = 0;
         const bool fits = reversible && row.size == 3 && col.size == 3;
@@ -269,13 +282,19 @@ static pm_node at(const construction *c, pm_node x, place p) {
     return pm_slice(c->g, x, p.first, p.size);
 }
 
+// Returns x times `sign` times a coefficient, which a formula replaces.
+static pm_node multiply_by(const construction *c, double coefficient, const pm_formula *formula,
+                           double sign, pm_node x) {
+    if (formula->text == NULL) {
+        return pm_scale(c->g, x, sign * coefficient);
+    }
+    const pm_node value = pm_formula_build(c->g, formula, &c->site->symbols);
+    return pm_mul(c->g, pm_scale(c->g, value, sign), x);
+}
+
 // Returns x times `sign` times the coefficient of a pair.
 static pm_node multiply(const construction *c, const pm_given_pair *pair, double sign, pm_node x) {
-    if (pair->formula.text == NULL) {
-        return pm_scale(c->g, x, sign * pair->coefficient);
-    }
-    const pm_node coefficient = pm_formula_build(c->g, &pair->formula, &c->site->symbols);
-    return pm_mul(c->g, pm_scale(c->g, coefficient, sign), x);
+    return multiply_by(c, pair->coefficient, &pair->formula, sign, x);
 }
 
 static pm_node add(const construction *c, pm_node rate, place p, pm_node into) {
@@ -345,13 +364,40 @@ static pm_node add_difference(const construction *c, pm_node rate, const pm_give
     return rate;
 }
 
+// Returns the component of x [1][support.n] along the direction of a pair.
+static pm_node along(const construction *c, const pm_given_pair *pair, pm_node x) {
+    pm_node sum = PM_NO_NODE;
+    for (int k = 0; k < pair->ndirection; ++k) {
+        const pm_direction_term *a = &pair->direction[k];
+        const pm_node own = at(c, x, place_of(&c->support, a->name));
+        sum = pm_add_or(c->g, sum, multiply_by(c, a->coefficient, &a->formula, 1, own));
+    }
+    return sum;
+}
+
+// Adds a pair with a direction.
+static pm_node add_along(const construction *c, pm_node rate, const pm_given_pair *pair, place col,
+                         pm_node d, pm_node n) {
+    pm_graph *g = c->g;
+    const pm_node ratio = pm_div(g, along(c, pair, n), at(c, n, col));
+    const pm_node drive = pm_sub(g, along(c, pair, d), pm_mul(g, ratio, at(c, d, col)));
+    const pm_node flow = multiply(c, pair, 1, drive);
+    for (int k = 0; k < pair->ndirection; ++k) {
+        const pm_direction_term *a = &pair->direction[k];
+        rate = add(c, rate, place_of(&c->support, a->name),
+                   multiply_by(c, a->coefficient, &a->formula, 1, flow));
+    }
+    return add(c, rate, col, pm_scale(g, pm_mul(g, ratio, flow), -1));
+}
+
 // Returns the rate [1][support.n] of all irreversible pairs for the driving d = dS and the normal
 // n = dE, both [1][support.n], or PM_NO_NODE if there is no pair. A pair of a variable and an
 // entropy adds
 //     rate_row += c (d_row - d_col n_row/n_col),  rate_col -= rate_row . n_row/n_col
 // and friction by the difference f = n_row - n_col, whose heat N components k take up, adds
 //     rate_row -= c f,  rate_col += c f,  rate_k += c f . f/(N n_k).
-// Every pair is degenerate by itself, n . rate = 0, and produces entropy for c >= 0.
+// A pair with a direction a is one of the component along it (pm_given_pair). Every pair is
+// degenerate by itself, n . rate = 0, and produces entropy for c >= 0.
 static pm_node given_irreversible(const construction *c, pm_node d, pm_node n) {
     pm_graph *g = c->g;
     const pm_operator_spec *spec = c->op->spec;
@@ -361,6 +407,10 @@ static pm_node given_irreversible(const construction *c, pm_node d, pm_node n) {
         const place row = place_of(&c->support, pair->row), col = place_of(&c->support, pair->col);
         if (is_difference(spec, k, c->site)) {
             rate = add_difference(c, rate, pair, row, col, n);
+            continue;
+        }
+        if (pair->ndirection > 0) {
+            rate = add_along(c, rate, pair, col, d, n);
             continue;
         }
         const pm_node ratio = pm_div(g, at(c, n, row), at(c, n, col));
@@ -800,8 +850,12 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     }
     PM_TRY(pm_spec_locate(spec->at, check_groups(op, site)));
     for (int i = 0; i < spec->ngiven; ++i) {
-        if (spec->given[i].formula.text != NULL) {
-            PM_TRY(pm_formula_check(&spec->given[i].formula, &site->symbols));
+        const pm_given_pair *pair = &spec->given[i];
+        PM_TRY(pair->formula.text != NULL ? pm_formula_check(&pair->formula, &site->symbols)
+                                          : PM_OK);
+        for (int k = 0; k < pair->ndirection; ++k) {
+            const pm_formula *formula = &pair->direction[k].formula;
+            PM_TRY(formula->text != NULL ? pm_formula_check(formula, &site->symbols) : PM_OK);
         }
     }
     // Lets the learned coefficients of lossless pairs wait until initial weights have been chosen.

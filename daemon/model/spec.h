@@ -205,8 +205,19 @@ typedef struct pm_potential_spec {
 //     rate_row -= c (e_row - e_col),  rate_col += c (e_row - e_col)
 // The groups in the operator's `heats`, or all groups in J/K where it names none, take up the heat
 // in equal parts.
+// With a direction an irreversible pair acts along the vector a of its coefficients, as a chemical
+// reaction does along its stoichiometric numbers, or friction along a direction that turns:
+//     r = c (a . eta - eta_col a . e/e_col),  rate_k += a_k r,  rate_col -= r a . e/e_col
+typedef struct pm_direction_term {
+    const char *name; // of a variable of one component
+    double coefficient;
+    pm_formula formula; // replaces the coefficient if it has a text
+} pm_direction_term;
+
 typedef struct pm_given_pair {
-    const char *row, *col;
+    const char *row, *col; // row: the first name of a direction
+    int ndirection;
+    const pm_direction_term *direction; // [ndirection]; NULL: none
     bool cross;
     double coefficient;
     pm_formula formula; // replaces the coefficient if it has a text

@@ -256,6 +256,34 @@ static pm_status read_potential(pm_yaml value, const context *r, pm_potential_sp
 
 // --- operators ---
 
+// Reads a number, or else a formula.
+static pm_status read_coefficient(pm_yaml value, const context *r, double *number,
+                                  pm_formula *formula) {
+    return pm_yaml_double(value, -INFINITY, INFINITY, number) == PM_OK
+               ? PM_OK
+               : read_formula(value, r, formula);
+}
+
+// Reads the row of a pair: a name, or a direction such as {A: 1, B: -2}.
+static pm_status read_row(pm_yaml value, const context *r, pm_given_pair *pair) {
+    const int count = pm_yaml_is_map(value) ? pm_yaml_count(value) : 0;
+    if (count == 0) {
+        return pm_yaml_text(value, r->arena, &pair->row);
+    }
+    pm_direction_term *term = pm_arena_array(r->arena, (size_t)count, sizeof *term);
+    PM_TRY(check_memory(r->arena));
+    for (int i = 0; i < count; ++i) {
+        pm_yaml key, coefficient;
+        pm_yaml_entry(value, i, &key, &coefficient);
+        PM_TRY(pm_yaml_text(key, r->arena, &term[i].name));
+        PM_TRY(read_coefficient(coefficient, r, &term[i].coefficient, &term[i].formula));
+    }
+    pair->row = term[0].name;
+    pair->direction = term;
+    pair->ndirection = count;
+    return PM_OK;
+}
+
 static pm_status read_pairs(pm_yaml list, const context *r, pm_operator_spec *op) {
     if (!pm_yaml_is_list(list)) {
         return pm_yaml_fail(list, "expected a list of pairs such as [[q, p, 1.0]]");
@@ -270,13 +298,12 @@ static pm_status read_pairs(pm_yaml list, const context *r, pm_operator_spec *op
                                       "coefficient");
         }
         const pm_yaml coefficient = pm_yaml_item(item, 2);
-        PM_TRY(pm_yaml_text(pm_yaml_item(item, 0), r->arena, &pair[i].row));
+        PM_TRY(read_row(pm_yaml_item(item, 0), r, &pair[i]));
         PM_TRY(pm_yaml_text(pm_yaml_item(item, 1), r->arena, &pair[i].col));
         pair[i].cross = pm_yaml_is_text(coefficient, "cross");
-        if (!pair[i].cross &&
-            pm_yaml_double(coefficient, -INFINITY, INFINITY, &pair[i].coefficient) != PM_OK) {
-            PM_TRY(read_formula(coefficient, r, &pair[i].formula));
-        }
+        PM_TRY(pair[i].cross
+                   ? PM_OK
+                   : read_coefficient(coefficient, r, &pair[i].coefficient, &pair[i].formula));
     }
     op->given = pair;
     op->ngiven = count;
@@ -703,6 +730,16 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
     }
 }
 
+static void write_coefficient(FILE *file, const char *before, double number,
+                              const pm_formula *formula) {
+    fputs(before, file);
+    if (formula->text != NULL) {
+        write_quoted(file, formula->text);
+    } else {
+        fprintf(file, "%.17g", number);
+    }
+}
+
 static void write_operator(FILE *file, const char *key, bool reversible,
                            const pm_operator_spec *op) {
     if (op->ngiven > 0 || op->learned) {
@@ -710,13 +747,22 @@ static void write_operator(FILE *file, const char *key, bool reversible,
     }
     for (int i = 0; i < op->ngiven; ++i) {
         const pm_given_pair *pair = &op->given[i];
-        write_text(file, i == 0 ? "  given: [[" : ", [", pair->row);
+        fputs(i == 0 ? "  given: [[" : ", [", file);
+        for (int k = 0; k < pair->ndirection; ++k) {
+            write_text(file, k == 0 ? "{" : ", ", pair->direction[k].name);
+            write_coefficient(file, ": ", pair->direction[k].coefficient,
+                              &pair->direction[k].formula);
+        }
+        if (pair->ndirection > 0) {
+            fputs("}", file);
+        } else {
+            write_text(file, "", pair->row);
+        }
         write_text(file, ", ", pair->col);
-        fputs(pair->cross ? ", cross" : ", ", file);
-        if (!pair->cross && pair->formula.text != NULL) {
-            write_quoted(file, pair->formula.text);
-        } else if (!pair->cross) {
-            fprintf(file, "%.17g", pair->coefficient);
+        if (pair->cross) {
+            fputs(", cross", file);
+        } else {
+            write_coefficient(file, ", ", pair->coefficient, &pair->formula);
         }
         fputs(i == op->ngiven - 1 ? "]]\n" : "]", file);
     }

@@ -45,6 +45,7 @@ static void describe(const pm_logger_view *v) {
                                         "a temperature",
                                         "a level",
                                         "a hidden charge behind a resistance",
+                                        "an amount",
                                         "an input"};
     static const char *const effects[] = {
         "drives",       "moves, with a learned factor,", "heats", "heats, with a learned factor,",

@@ -9,6 +9,7 @@
 #include "base/files.h"
 #include "base/path.h"
 #include "propose/logger_laws.h"
+#include "propose/logger_reactions.h"
 #include "propose/search.h"
 
 #define FINE 0.15        // substep times the fastest linear rate, where steps are fitted
@@ -29,7 +30,8 @@
 // Returns true if the part needs a port to the surroundings: it has what loses energy, and they
 // take up the heat.
 static bool loses(const pm_logger_view *v, int part) {
-    bool some = pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0;
+    bool some = pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0 ||
+                (pm_logger_reactions(v, part) > 0 && v->thermometer[part] < 0);
     for (int c = 0; c < v->nvariable; ++c) {
         some = some || (v->column[c].part == part && (v->leaks[c] || pm_logger_loses(v, c)));
     }
@@ -171,8 +173,10 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
         bool exposed = v->column[c].part == part;
         if (input < 0) {
             const pm_logger_kind kind = v->column[c].kind;
-            exposed = exposed && (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || v->leaks[c] ||
-                                  (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
+            const bool reacts = kind == PM_LOGGER_AMOUNT && v->thermometer[part] < 0;
+            exposed = exposed &&
+                      (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts || v->leaks[c] ||
+                       (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {
@@ -237,7 +241,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             }
             fprintf(f, "      %s: {unit: \"%s\"", column->name,
                     *column->unit == '\0' ? "1" : column->unit);
-            fputs(column->kind == PM_LOGGER_POSITION || column->kind == PM_LOGGER_CHARGE
+            fputs(column->kind == PM_LOGGER_POSITION || column->kind == PM_LOGGER_CHARGE ||
+                          column->kind == PM_LOGGER_AMOUNT
                       ? ""
                       : ", coenergy: true",
                   f);
@@ -478,6 +483,13 @@ static void write_part(pm_logger_writer *w, int part) {
             }
         }
     }
+    for (int k = 0; k < w->v->nreaction; ++k) {
+        if (w->v->reaction[k].part == part && w->v->thermometer[part] >= 0) {
+            fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [", w->model);
+            some = true;
+            pm_logger_write_reaction(w, k, "", "");
+        }
+    }
     fputs(some ? "]\n" : "", w->model);
     pm_logger_end(w, w->v->part[part]);
 }
@@ -534,6 +546,13 @@ static void write_losses(pm_logger_writer *w, int part) {
             }
         }
     }
+    for (int k = 0; k < v->nreaction; ++k) {
+        if (v->reaction[k].part == part && v->thermometer[part] < 0) {
+            fputs(some ? next : first, w->model);
+            some = true;
+            pm_logger_write_reaction(w, k, "a.", "b.");
+        }
+    }
     fputs(some ? "]\n" : networks ? "    irreversible:\n" : "", w->model);
     if (networks) {
         bool listed = false;
@@ -575,7 +594,8 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                 const bool rubs = pm_logger_is_coupled(v, i, j, true);
                 const bool warms = v->warms[i][j] || v->warms[j][i];
                 if (a->part != parts[0] || b->part != parts[1] || !pm_logger_joins(v, i, j) ||
-                    (a->kind == PM_LOGGER_TEMPERATURE || rubs || warms) != (thermal == 1) ||
+                    (a->kind == PM_LOGGER_TEMPERATURE || rubs || warms || v->diffuses[i][j]) !=
+                        (thermal == 1) ||
                     pm_logger_guides(v, i, j) || pm_logger_guides(v, j, i)) {
                     continue;
                 }
@@ -609,6 +629,10 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     const bool first = v->warms[i][j];
                     pm_logger_write_friction(w, first ? i : j, first ? "a." : "b.", first ? j : i,
                                              first ? "b." : "a.");
+                } else if (v->diffuses[i][j]) {
+                    fprintf(w->model, "[%s, %s, \"", x, y);
+                    pm_logger_write_diffusion(w, a, b);
+                    fputs("\"]", w->model);
                 } else if (rubs) {
                     char apart[2 * PM_LOGGER_TEXT + 4];
                     snprintf(apart, sizeof apart, "%s - %s", x, y);

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "propose/logger_reactions.h"
+
 #define FURTHEST 1e3 // factor by which a positive constant moves from where regressions put it
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
@@ -272,7 +274,8 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     bool some = false, shared = false;
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *y = &w->v->column[c];
-        if (y->part != part || y->kind == PM_LOGGER_POSITION || y->kind == PM_LOGGER_CHARGE) {
+        if (y->part != part || y->kind == PM_LOGGER_POSITION || y->kind == PM_LOGGER_CHARGE ||
+            y->kind == PM_LOGGER_AMOUNT) {
             continue;
         }
         const double own = y->inertia;
@@ -338,6 +341,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             fputs(")\"\n", w->model);
         }
     }
+    pm_logger_write_mixture(w, part);
     if (shared) {
         double first = 0;
         bool listed = false;
@@ -458,12 +462,12 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         feeds = feeds || (y->part == part && (y->feeds || y->rubs));
     }
     const int charges = pm_logger_count(w->v, part, PM_LOGGER_CHARGE);
-    if (positions + charges == 0 && !feeds) {
+    const int amounts = pm_logger_count(w->v, part, PM_LOGGER_AMOUNT);
+    if (positions + charges + amounts == 0 && !feeds) {
         return;
     }
-    if (charges > 0) {
-        fputs("    energy:\n", w->model);
-    }
+    fputs("    energy:\n", w->model);
+    pm_logger_write_formation(w, part);
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *q = &w->v->column[c];
         if (q->part != part || q->kind != PM_LOGGER_CHARGE) {
@@ -496,7 +500,6 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
     if (positions == 0 && !feeds) {
         return;
     }
-    fputs(charges > 0 ? "" : "    energy:\n", w->model);
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (w->v->column[c].part == part && w->v->column[c].feeds) {
             fprintf(w->model, "      - \"%.4g*z_%s\"   # of the height through which fluid falls\n",

@@ -7,12 +7,12 @@
 
 #include "base/linalg.h"
 
-// White noise: the standard deviations of its fourth and sixth differences, and the ratio of the
-// standard deviation of a normal distribution to its median absolute value.
-#define FOURTH_DIFFERENCE 8.3666002653407556
-#define SIXTH_DIFFERENCE 30.397368307141326
+// The ratio of the standard deviation of a normal distribution to its median absolute value.
 #define NORMAL_MEDIAN 1.4826022185056018
-#define WHITE 0.6          // noise by sixth differences over noise by fourth ones, at least
+#define HIGHEST 6 // order of the differences that show noise, if there are enough of them
+#define LOWEST 3
+#define FEWEST_DIFFERENCES 50
+#define WHITE 0.6          // noise by differences over noise by those of two orders less, at least
 #define CLEAN 1e-4         // of the deviation: less noise than that does not count
 #define ROUGH 0.01         // of the deviation: an input with larger fourth differences is held
 #define EVEN 2e-3          // of a step: times that are off by less are even
@@ -22,28 +22,29 @@
 #define CHANGE 10.0        // of the noise: windows are so long that changes are larger
 #define LONGEST_CHANGE 0.3 // of the deviation: windows are no longer than such changes take
 
-enum { FOURTH = 4, SIXTH = 6 };
-static const int difference4[FOURTH + 1] = {1, -4, 6, -4, 1};
-static const int difference6[SIXTH + 1] = {1, -6, 15, -20, 15, -6, 1};
-
 static double median_of(double *x, int n) {
     pm_sort((size_t)n, x);
     return n > 0 ? x[n / 2] : NAN;
 }
 
-// Returns the standard deviation of white noise that the n-th differences show, or NaN. Stencils in
-// which a held input jumps are left out: there the motion has kinks.
-static double differences(const pm_logger_samples *w, int c, int n, const int *stencil,
-                          double size) {
+// Returns the standard deviation of white noise that the n-th differences show. Those over a jump
+// of a held input are left out, since the motion has kinks there, unless too few are left: then the
+// result is NaN, or, with `kinks`, all count.
+static double differences(const pm_logger_samples *w, int c, int n, bool kinks) {
     const pm_dataset *d = w->view->dataset;
     int count = 0;
+    double square = 1; // of the coefficients: that of white noise grows by it
+    for (int j = 1; j <= n; ++j) {
+        square *= (double)(n + j) / j;
+    }
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int k = 0; k + n < d->ntime; ++k) {
-            double sum = 0;
+            double sum = 0, coefficient = 1;
             bool kink = false;
             for (int j = 0; j <= n; ++j) {
-                sum += stencil[j] * pm_logger_row(w, i, k + j)[c];
-                for (int u = 0; u < w->view->ncolumn && j > 0; ++u) {
+                sum += coefficient * pm_logger_row(w, i, k + j)[c];
+                coefficient *= -(double)(n - j) / (j + 1);
+                for (int u = 0; u < w->view->ncolumn && j > 0 && j < n && !kinks; ++u) {
                     const pm_logger_column *input = &w->view->column[u];
                     kink = kink ||
                            (u != c && input->kind == PM_LOGGER_INPUT && input->held &&
@@ -55,7 +56,9 @@ static double differences(const pm_logger_samples *w, int c, int n, const int *s
             }
         }
     }
-    return median_of(w->sort, count) * NORMAL_MEDIAN / size;
+    return kinks || count >= FEWEST_DIFFERENCES
+               ? median_of(w->sort, count) * NORMAL_MEDIAN / sqrt(square)
+               : NAN;
 }
 
 // Finds range, mean and deviation of a column, how often it stays as it is, and how far it jumps.
@@ -89,7 +92,7 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
         sqrt(fmax(square / (count > 0 ? count : 1) - column->mean * column->mean, 0));
     const bool stays = equal > STAIRCASE * (steps + equal);
     const double jump = steps > 0 ? median_of(w->sort, steps) : 0;
-    const double rough = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
+    const double rough = differences(w, c, HIGHEST - 2, true);
     column->held = column->kind == PM_LOGGER_INPUT && (stays || rough > ROUGH * column->deviation);
     return (steps == 0 && equal > 0) || (stays && jump > JUMP * column->deviation);
 }
@@ -248,9 +251,14 @@ void pm_logger_find_noise(pm_logger_samples *w) {
     }
     for (int c = 0; c < view->nvariable; ++c) {
         pm_logger_column *column = &view->column[c];
-        const double fourth = differences(w, c, FOURTH, difference4, FOURTH_DIFFERENCE);
-        const double sixth = differences(w, c, SIXTH, difference6, SIXTH_DIFFERENCE);
-        column->noise = sixth > WHITE * fourth && sixth > CLEAN * column->deviation ? sixth : 0;
+        int n = HIGHEST;
+        while (n > LOWEST && isnan(differences(w, c, n, false))) {
+            --n;
+        }
+        const bool kinks = isnan(differences(w, c, n, false));
+        n = kinks ? HIGHEST : n;
+        const double high = differences(w, c, n, kinks), low = differences(w, c, n - 2, kinks);
+        column->noise = high > WHITE * low && high > CLEAN * column->deviation ? high : 0;
         column->roughness = column->noise / fmax(column->deviation, DBL_MIN);
         view->noisy = view->noisy || column->noise > 0;
     }

@@ -938,15 +938,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     const double power = y->inertia * fmax(y->decay, 0) * size * size;
                     const double scale =
                         seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
-                    v->column[t].free_scale = false;
-                    for (int k = 0; k < v->nvariable; ++k) {
-                        v->column[k].inertia *=
-                            v->column[k].kind == PM_LOGGER_TEMPERATURE ? scale : 1;
-                    }
-                    for (int a = 0; a < v->naction; ++a) {
-                        const pm_logger_column *target = &v->column[v->action[a].target];
-                        v->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? scale : 1;
-                    }
+                    pm_logger_scale_heat(v, scale);
                 }
             }
         }

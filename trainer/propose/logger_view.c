@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "propose/logger_reactions.h"
 #include "propose/logger_terms.h"
 
 #define SAME 0.05       // of a rate: a velocity differs by less from that of its position
@@ -337,6 +338,10 @@ static bool is_flow(const pm_logger_column *c) {
     return has_unit(c, "m/s") || has_unit(c, "rad/s") || has_unit(c, "A") || has_unit(c, "m^3/s");
 }
 
+static bool is_amount(const pm_logger_column *c) {
+    return has_unit(c, "mol") || has_unit(c, "mol/m^3");
+}
+
 // Returns the size of a ratio, or 1 with its sign if it is close to that.
 static double round_ratio(double ratio, double tolerance) {
     return fabs(fabs(ratio) - 1) < tolerance ? copysign(1, ratio) : ratio;
@@ -452,6 +457,11 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
             continue;
         }
         const bool length = has_unit(column, "m");
+        if (is_amount(column)) {
+            column->kind = PM_LOGGER_AMOUNT;
+            column->guess = PM_LOGGER_COMPLETE;
+            continue;
+        }
         // The input with which the column jumps.
         double most = JUMPS, jump = 0;
         int current = -1;
@@ -505,7 +515,8 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         if (!alone && column->kind == PM_LOGGER_FLOW && column->guess == PM_LOGGER_AS_FOUND) {
             column->other[column->nother++] = PM_LOGGER_MOVED;
         }
-        for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_CELL && column->source != NULL && alone;
+        for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_CELL && column->source != NULL && alone &&
+                                         column->kind != PM_LOGGER_AMOUNT;
              ++g) {
             if (may[g] && g != (int)column->guess) {
                 column->other[column->nother++] = (pm_logger_guess)g;
@@ -518,7 +529,8 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
 // --- inputs and scales ---
 
 static bool is_coenergy(const pm_logger_column *c) {
-    return c->kind != PM_LOGGER_POSITION && c->kind != PM_LOGGER_CHARGE;
+    return c->kind != PM_LOGGER_POSITION && c->kind != PM_LOGGER_CHARGE &&
+           c->kind != PM_LOGGER_AMOUNT;
 }
 
 // Returns how an input may act on a variable by its unit: with the factor 1, as heat or as a bath;
@@ -745,6 +757,20 @@ static void find_exchange(pm_logger_view *view) {
     }
 }
 
+void pm_logger_scale_heat(pm_logger_view *view, double factor) {
+    for (int k = 0; k < view->nvariable; ++k) {
+        pm_logger_column *c = &view->column[k];
+        if (c->kind == PM_LOGGER_TEMPERATURE) {
+            c->inertia *= factor;
+            c->free_scale = false;
+        }
+    }
+    for (int a = 0; a < view->naction; ++a) {
+        const pm_logger_column *target = &view->column[view->action[a].target];
+        view->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? factor : 1;
+    }
+}
+
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {
@@ -966,10 +992,10 @@ bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
     const pm_logger_column *a = &view->column[i], *b = &view->column[j];
     return a->part != b->part &&
            ((a->kind == PM_LOGGER_TEMPERATURE && b->kind == PM_LOGGER_TEMPERATURE) ||
-            view->falls[i][j] || view->falls[j][i] || view->warms[i][j] || view->warms[j][i] ||
-            view->moves[i][j] != 0 || view->moves[j][i] != 0 || pm_logger_guides(view, i, j) ||
-            pm_logger_guides(view, j, i) || pm_logger_is_coupled(view, i, j, false) ||
-            pm_logger_is_coupled(view, i, j, true));
+            view->diffuses[i][j] || view->falls[i][j] || view->falls[j][i] || view->warms[i][j] ||
+            view->warms[j][i] || view->moves[i][j] != 0 || view->moves[j][i] != 0 ||
+            pm_logger_guides(view, i, j) || pm_logger_guides(view, j, i) ||
+            pm_logger_is_coupled(view, i, j, false) || pm_logger_is_coupled(view, i, j, true));
 }
 
 // Finds the ports: those of the hints, or between parts of which one moves the other.
@@ -1211,6 +1237,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     find_scales(&w);
     find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
+    PM_TRY_DONE(pm_logger_find_reactions(&w));
     leave_idle_ports(view);
     find_surroundings(view);
     status = pm_arena_status(&view->arena, "the columns of a logger");

@@ -18,6 +18,8 @@
 #define PM_LOGGER_ACTIONS 64
 #define PM_LOGGER_GUIDES 96
 #define PM_LOGGER_CARRIERS 8
+#define PM_LOGGER_AMOUNTS 6 // of a part, among which reactions are sought
+#define PM_LOGGER_REACTIONS 16
 #define PM_LOGGER_COLDEST 200.0 // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
@@ -30,6 +32,7 @@ typedef enum pm_logger_kind {
     PM_LOGGER_TEMPERATURE, // the co-energy of an entropy
     PM_LOGGER_LEVEL,       // the co-energy of a volume, but for the weight of the fluid
     PM_LOGGER_CHARGE,      // an energy variable; its rate is an input
+    PM_LOGGER_AMOUNT,      // an energy variable: of a substance, or its concentration
     PM_LOGGER_INPUT
 } pm_logger_kind;
 
@@ -140,6 +143,12 @@ typedef struct pm_logger_carrier {
     double entropy;
 } pm_logger_carrier;
 
+// A reaction between the amounts of a part.
+typedef struct pm_logger_reaction {
+    int part;
+    int number[PM_LOGGER_COLUMNS]; // stoichiometric numbers; 0: takes no part
+} pm_logger_reaction;
+
 typedef struct pm_logger_view {
     pm_arena arena;            // owns all that follows
     const pm_dataset *dataset; // borrowed
@@ -180,6 +189,9 @@ typedef struct pm_logger_view {
     bool expands[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     int ncarrier;
     pm_logger_carrier carrier[PM_LOGGER_CARRIERS];
+    int nreaction;
+    pm_logger_reaction reaction[PM_LOGGER_REACTIONS];
+    bool diffuses[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // amounts of one substance in two parts
     int nguide;
     pm_logger_guide guide[PM_LOGGER_GUIDES];
     // What regressions on products of columns show (logger_terms.h).
@@ -203,6 +215,10 @@ typedef struct pm_logger_view {
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind);
 // Returns true if two columns of two parts act on each other by the port of the parts.
 bool pm_logger_joins(const pm_logger_view *view, int i, int j);
+
+// Multiplies the heat capacities of all temperatures, whose scale is known from then on, and what
+// acts on them.
+void pm_logger_scale_heat(pm_logger_view *view, double factor);
 
 // Returns true if two parts are one, or have a port.
 static inline bool pm_logger_meets(const pm_logger_view *view, int one, int other) {
