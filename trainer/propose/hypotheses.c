@@ -88,6 +88,7 @@ typedef struct inventory {
     bool position;   // a variable that does not, and is no entropy
     bool vector;     // such a variable of two or three components
     bool angle, turns, apart;
+    bool moves, spins; // friction may act on an odd vector, and on an odd scalar
 } inventory;
 
 static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
@@ -109,6 +110,9 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
         n->stays = n->stays || (even && !v->geometric[g]);
         n->vector = n->vector || (even && (group->size == 2 || group->size == 3) &&
                                   v->kind[g] != PM_VIEW_DIRECTION);
+        const bool slows = v->odd[g] && !v->geometric[g];
+        n->moves = n->moves || (slows && (group->size == 2 || group->size == 3));
+        n->spins = n->spins || (slows && group->size == 1);
         n->angle = n->angle || v->angle[g];
         n->turns = n->turns || (v->angle[g] && v->group[g].deviation * v->unit[g].factor > TURNS);
         n->apart = n->apart || (v->kind[g] == PM_VIEW_POSITION && v->apart[g]);
@@ -137,7 +141,9 @@ void pm_draft_ask(pm_draft *d) {
                                         PM_BY_POSITIONS, PM_CONSTANT, PM_NONE},
                            strength[] = {PM_AS_FOUND, PM_BY_COENERGIES, PM_BY_DIFFERENCES},
                            exchange[] = {PM_EXCHANGE, PM_AS_FOUND, PM_EXCHANGE},
-                           directions[] = {PM_AS_FOUND, PM_BY_POSITIONS},
+                           // Friction between an orbit and a spin that favours no direction
+                           // turns with the orbit.
+        directions[] = {PM_BY_POSITIONS, PM_AS_FOUND, PM_BY_POSITIONS},
                            friction[] = {PM_AS_FOUND, PM_OF_MOTION},
                            heat[] = {PM_AS_FOUND, PM_ALONE},
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
@@ -193,7 +199,8 @@ void pm_draft_ask(pm_draft *d) {
             ask(d, PM_ASK_STRENGTH, component, pairs > 0 ? 3 : 2, strength);
         }
         if (n.heat > 0 && n.lossy > 1 && n.position) {
-            ask(d, PM_ASK_DIRECTIONS, component, 2, directions);
+            const bool turns = d->rotates != PM_ROTATION_NONE && n.moves && n.spins;
+            ask(d, PM_ASK_DIRECTIONS, component, 2, directions + !turns);
         }
         if (port == NULL && n.vector) {
             ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);

@@ -28,6 +28,7 @@
 // progress.
 #define DERIVATIVE_ITERATIONS 240
 #define STEP_ITERATIONS 60
+#define TRY_ITERATIONS 40 // of each draw of the first weights: fewer leave some of them astray
 // The samples in a batch, and the work of an iteration, in samples times substeps times variables,
 // up to which there are more iterations, at most MOST_TIMES as many.
 #define DERIVATIVE_BATCH 8192
@@ -155,7 +156,9 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                 "further,\n# then to single steps.\n",
           f);
     if (d->start != NULL) {
-        fprintf(f, "start: {from: \"%s\"}\n", d->start);
+        fprintf(f, "start: {from: \"%s\", iterations: %d}\n", d->start, TRY_ITERATIONS);
+    } else if (d->p->form != PM_FREE) {
+        fprintf(f, "start: {iterations: %d}\n", TRY_ITERATIONS);
     }
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",

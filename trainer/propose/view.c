@@ -387,6 +387,7 @@ typedef struct balance {
     const pm_look *look;
     int npair;
     pm_look_group q[MOST_PAIRS], p[MOST_PAIRS];
+    double size[MOST_PAIRS];     // of the product of their units, in SI units
     int nspin, spin[MOST_SPINS]; // scalars whose changes may make up for those of the sum, as the
                                  // spin of a planet does: positions in the state of the scene
     int nmoment;
@@ -471,6 +472,9 @@ static bool is_balanced(balance *b) {
                     double q[3], p[3];
                     take_vector(b->look, row, &b->q[k], q);
                     take_vector(b->look, row, &b->p[k], p);
+                    for (int c = 0; c < 3; ++c) {
+                        q[c] *= b->size[k];
+                    }
                     add_cross(q, p, J);
                     size += pass == 1 ? dot(3, q, q) * dot(3, p, p) : 0;
                 }
@@ -519,6 +523,7 @@ static pm_rotation find_rotation(const pm_look *look, const pm_part_view *parts)
             const int size = v->group[g].group->size;
             if (v->kind[g] == PM_VIEW_POSITION && (size == 2 || size == 3)) {
                 b.q[b.npair] = v->group[g];
+                b.size[b.npair] = v->unit[g].factor * v->unit[v->mate[g]].factor;
                 b.p[b.npair++] = v->group[v->mate[g]];
             }
             if (v->kind[g] == PM_VIEW_OTHER && size == 1 && b.nspin < MOST_SPINS) {
