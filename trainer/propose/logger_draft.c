@@ -379,6 +379,13 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     acts = acts || ((c->flow == i || c->from == i || c->to == i) &&
                                     pm_logger_carries(v, c, parts[0], parts[1]));
                 }
+                for (int n = 0; n < v->ntide; ++n) {
+                    const pm_logger_tide *t = &v->tide[n];
+                    const bool own = t->spin == i || t->first == i || t->second == i ||
+                                     v->column[t->first].mate == i ||
+                                     v->column[t->second].mate == i || t->heat == i;
+                    acts = acts || (own && pm_logger_has_tide(v, t, parts[0], parts[1]));
+                }
                 for (int n = 0; n < v->nguide; ++n) { // angles that tell how
                     const pm_logger_guide *g = &v->guide[n];
                     const int one = v->column[g->position].part;
@@ -481,6 +488,13 @@ static void write_part(pm_logger_writer *w, int part) {
                                            w->v->column[i].inertia * fabs(w->v->coupling[i][j]),
                                            NULL);
             }
+        }
+    }
+    for (int k = 0; k < w->v->ntide; ++k) {
+        if (pm_logger_has_tide(w->v, &w->v->tide[k], part, part)) {
+            fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [", w->model);
+            some = true;
+            pm_logger_write_tide(w, &w->v->tide[k], "", "", "");
         }
     }
     for (int k = 0; k < w->v->nreaction; ++k) {
@@ -655,6 +669,19 @@ static void write_port(pm_logger_writer *w, const int *parts) {
         }
         if (thermal == 0) {
             pm_logger_write_turns(w, parts, &some);
+        }
+        for (int k = 0; k < v->ntide && thermal == 1; ++k) {
+            const pm_logger_tide *tide = &v->tide[k];
+            if (pm_logger_has_tide(v, tide, parts[0], parts[1])) {
+                const int column[] = {tide->spin, tide->first, tide->heat};
+                const char *end[3];
+                for (int c = 0; c < 3; ++c) {
+                    end[c] = v->column[column[c]].part == parts[0] ? "a." : "b.";
+                }
+                fputs(some ? ", " : "    irreversible: {given: [", w->model);
+                some = true;
+                pm_logger_write_tide(w, tide, end[0], end[1], end[2]);
+            }
         }
         fputs(some ? "]}\n" : "", w->model);
     }

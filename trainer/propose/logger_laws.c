@@ -24,6 +24,7 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
+#define STEEPEST 4     // power of a squared distance with which friction falls
 #define BENDS 3        // bends of a function of one variable, each of which has a place and a width
 #define MOST_BENDS 8   // likewise, of a function that may be wavy
 #define MOST_SINE 0.95 // at which a place within bounds begins
@@ -448,8 +449,10 @@ static void write_central(pm_logger_writer *w, int part) {
             fprintf(w->model, "%s%s*(%s)^%d", k > 0 ? " + " : "",
                     pm_logger_number(w, kinds[k], name, 0, size), distance, k + 1);
         }
-        fprintf(w->model, " + %s*ln(%s)\"\n", pm_logger_number(w, kinds[4], name, 0, size),
-                distance);
+        fprintf(w->model, " + %s*ln(%s)", pm_logger_number(w, kinds[4], name, 0, size), distance);
+        pm_logger_constant(w, "attraction", name, 1); // its power
+        fprintf(w->model, " + %s*exp(-attraction_%s*ln(%s))\"\n",
+                pm_logger_number(w, "pull", name, v->orbits[q] ? -size : 0, size), name, distance);
     }
 }
 
@@ -977,6 +980,34 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
                 T->name);
     } else {
         fprintf(w->model, "*%sdE.s\"]", to);
+    }
+}
+
+void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const char *spin,
+                          const char *orbit, const char *heat) {
+    const pm_logger_column *c = w->v->column;
+    const pm_logger_column *s = &c[tide->spin], *x = &c[tide->first], *y = &c[tide->second];
+    const char *u = c[x->mate].name, *v = c[y->mate].name, *T = c[tide->heat].name;
+    const double d = hypot(fmax(fabs(x->least), x->largest), fmax(fabs(y->least), y->largest));
+    char square[PM_LOGGER_LONG_TEXT], name[PM_LOGGER_TEXT];
+    snprintf(square, sizeof square, "(%s%.40s^2 + %s%.40s^2 + %.4g)", orbit, x->name, orbit,
+             y->name, EMPTY * EMPTY * d * d);
+    snprintf(name, sizeof name, "%.40s_%.40s", s->name, x->name);
+    for (int k = 0; k < 2; ++k) {
+        const char *const kind[] = {"tide", "rise"}, *const power[] = {"fall", "drop"};
+        const pm_logger_column *slowed = k == 0 ? s : &c[x->mate];
+        pm_logger_constant(w, kind[k], name, slowed->inertia * w->v->fastest * SMALL * SMALL);
+        const char *falls = bounded_place(w, power[k], name, 1, 0, STEEPEST);
+        if (k == 0) {
+            fprintf(w->model, "[{\"%s%s\": \"-%s%s/%s\", \"%s%s\": \"%s%s/%s\", \"%s%s\": -1}",
+                    orbit, u, orbit, y->name, square, orbit, v, orbit, x->name, square, spin,
+                    s->name);
+        } else {
+            fprintf(w->model, ", [{\"%s%s\": \"%s%s/sqrt(%s)\", \"%s%s\": \"%s%s/sqrt(%s)\"}",
+                    orbit, u, orbit, x->name, square, orbit, v, orbit, y->name, square);
+        }
+        fprintf(w->model, ", %s%s, \"%s_%s*exp(-%s*ln(%s/%.4g))*%sdE.%s\"]", heat, T, kind[k], name,
+                falls, square, d * d, heat, T);
     }
 }
 

@@ -156,6 +156,11 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
 // in a port.
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to);
 
+// Writes the two pairs of friction of a tide: along the orbit less the spin, and along the radius.
+// `spin`, `orbit` and `heat` stand before the names of groups.
+void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const char *spin,
+                          const char *orbit, const char *heat);
+
 // Returns the law by which fluid leaves a level, and adds its constants: a power of it, such as
 // Torricelli's root. It is smooth where the vessel is empty.
 const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char end,

@@ -13,6 +13,7 @@
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
 #define LARGE_PART 0.25 // likewise: inertias depend on positions if that explains so much
 #define SMALL_ANGLE 1.2 // rad
+#define ORBITS 0.15     // of the largest distance: an orbit comes no nearer to its centre
 #define CLEARLY 0.9     // of what other terms leave: these leave clearly less
 #define GUIDED 0.01     // of the changes of a position: guides leave no more, beside noise
 #define ROUND 0.05      // a factor that differs by less from 1, where units allow it, is 1
@@ -34,7 +35,9 @@ typedef enum atom_kind {
     AWAY,
     SINE,
     COSINE,
-    APART // from another column
+    APART, // from another column
+    NEAR,  // inverse square of the distance from the centre of two lengths
+    ORBIT  // angular velocity about it
 } atom_kind;
 
 typedef struct atom {
@@ -74,6 +77,11 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
         return y * y;
     case APART:
         return (raw - row[a.other]) / size;
+    case NEAR:
+        return size * size / (raw * raw + row[a.other] * row[a.other]);
+    case ORBIT:
+        return (raw * row[v->column[a.other].mate] - row[a.other] * row[c->mate]) /
+               (raw * raw + row[a.other] * row[a.other]);
     case AWAY: // from the mean
         return (raw - c->mean) / (c->deviation > 0 ? c->deviation : 1);
     case VALUE:
@@ -382,7 +390,30 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
     v->column[mate].mate = v->column[mate].mate < 0 ? q : v->column[mate].mate;
 }
 
-// Returns true if the products of velocity j with velocities change velocity i.
+// Returns how much forces towards a centre, which fall with the distance from it, explain of the
+// changes of velocity i.
+static double pull_of(const pm_logger_samples *w, int i, equations *work) {
+    const pm_logger_view *v = w->view;
+    const int q = v->column[i].mate;
+    double most = 0;
+    for (int r = 0; r < v->nvariable && q >= 0; ++r) {
+        const pm_logger_column *a = &v->column[q], *b = &v->column[r];
+        const atom x = {.column = q, .kind = VALUE};
+        const atom near = {.column = q, .kind = NEAR, .other = r};
+        term_list forces = {0};
+        if (r != q && b->mate >= 0 && !a->guided && !b->guided && !a->angle && !b->angle &&
+            a->part == b->part && pm_unit_equal(&a->dimension, &b->dimension)) {
+            add_term(&forces, i, VALUE, i, SIZE);
+            forces.item[forces.count++] = (regressor){{x, near}};
+            forces.item[forces.count++] = (regressor){{x, near, near}};
+            most = fmax(most, gain_of(w, i, &forces, 1, work, NULL));
+        }
+    }
+    return most;
+}
+
+// Returns true if the products of velocity j with velocities change velocity i, more than a pull
+// towards a centre would.
 static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work) {
     const pm_logger_view *v = w->view;
     term_list products = {0};
@@ -392,7 +423,8 @@ static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work
             add_term(&products, j, VALUE, k, VALUE);
         }
     }
-    return gain_of(w, i, &products, 1, work, NULL) > GAINS;
+    const double gain = gain_of(w, i, &products, 1, work, NULL);
+    return gain > GAINS && gain > pull_of(w, i, work);
 }
 
 // Adds the force x^one y^two, powers 0 to 2, of an energy of position q, as it acts on velocity i.
@@ -545,8 +577,10 @@ static bool stores_both(const pm_logger_samples *w, int q, int r, equations *wor
                         forces.item[forces.count++] = (regressor){{d, d}};
                         forces.item[forces.count++] = (regressor){{d, d, d}};
                     } else if (k == 1) {
+                        const atom near = {.column = own, .kind = NEAR, .other = other};
                         add_force(v, &forces, i, x, yy, own);
                         add_force(v, &forces, i, x, y, own);
+                        add_force(v, &forces, i, x, near, own);
                     }
                 }
             }
@@ -765,6 +799,57 @@ static bool stores_with_others(const pm_logger_view *v, int q) {
     return found;
 }
 
+// Returns true if two lengths never come near their centre.
+static bool stays_away(const pm_logger_samples *w, int q, int r) {
+    double least = INFINITY, largest = 0;
+    for (int k = 0; k < w->nrow; ++k) {
+        const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+        const double distance = hypot(row[q], row[r]);
+        least = isfinite(distance) ? fmin(least, distance) : least;
+        largest = isfinite(distance) ? fmax(largest, distance) : largest;
+    }
+    return least > ORBITS * largest;
+}
+
+// Finds spins that the motion of lengths q and r about their centre changes, by a friction that
+// falls with the distance. What else would couple them favours directions.
+static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
+    pm_logger_view *v = w->view;
+    const pm_unit turn = pm_unit_parse("rad/s");
+    for (int i = 0; i < v->nvariable && v->ntide < PM_LOGGER_CARRIERS; ++i) {
+        const int part = v->column[i].part, own = v->column[q].part;
+        const int moved[] = {i, v->column[q].mate, v->column[r].mate};
+        const int heat = v->thermometer[part] >= 0 ? v->thermometer[part] : v->thermometer[own];
+        term_list products = {0};
+        const atom near = {.column = q, .kind = NEAR, .other = r};
+        const atom turning[] = {{.column = q, .kind = ORBIT, .other = r},
+                                {.column = i, .kind = VALUE}};
+        for (int k = 0; k < 4; ++k) {
+            products.item[products.count++] =
+                (regressor){{turning[k % 2], near, k < 2 ? (atom){0} : near}};
+        }
+        if (v->column[i].kind != PM_LOGGER_FLOW || v->column[i].source == NULL || heat < 0 ||
+            !pm_unit_equal(&v->column[i].dimension, &turn) || !pm_logger_meets(v, part, own) ||
+            !(gain_of(w, i, &products, 0, work, NULL) > fmax(GAINS, LARGE_PART * work->rest))) {
+            continue;
+        }
+        v->tide[v->ntide++] = (pm_logger_tide){i, q, r, heat};
+        for (int a = 0; a < 3; ++a) {
+            for (int b = 0; b < 3; ++b) {
+                v->gyrates[moved[a]][moved[b]] = v->circles[moved[a]][moved[b]] = false;
+                if (a != b) {
+                    v->coupling[moved[a]][moved[b]] = v->share[moved[a]][moved[b]] = 0;
+                }
+            }
+            // To begin with, spin and orbit have equally large energies.
+            const pm_logger_column *spin = &v->column[i];
+            pm_logger_column *y = &v->column[moved[a]];
+            const double ratio = spin->deviation / y->deviation;
+            y->inertia = a == 0 ? y->inertia : spin->inertia * ratio * ratio;
+        }
+    }
+}
+
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
@@ -785,6 +870,10 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                                !a->angle && !b->angle && a->part == b->part &&
                                pm_unit_equal(&a->dimension, &b->dimension) &&
                                stores_both(w, q, r, work);
+            if (v->central[q][r]) {
+                v->orbits[q] = v->orbits[q] || stays_away(w, q, r);
+                find_tides(w, q, r, work);
+            }
         }
     }
     for (int a = 0; a < v->naction; ++a) {

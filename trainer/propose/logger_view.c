@@ -1078,6 +1078,10 @@ static void leave_idle_ports(pm_logger_view *view) {
     int kept = 0;
     for (int k = 0; k < view->nport; ++k) {
         bool acts = false;
+        for (int n = 0; n < view->ntide; ++n) {
+            acts = acts ||
+                   pm_logger_has_tide(view, &view->tide[n], view->port[k][0], view->port[k][1]);
+        }
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
                 acts = acts ||

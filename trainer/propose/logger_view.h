@@ -143,6 +143,12 @@ typedef struct pm_logger_carrier {
     double entropy;
 } pm_logger_carrier;
 
+// Friction between a spin and the motion about a centre of two lengths that store energy together,
+// as tides cause it. A temperature takes up the heat.
+typedef struct pm_logger_tide {
+    int spin, first, second, heat; // columns
+} pm_logger_tide;
+
 // A reaction between the amounts of a part.
 typedef struct pm_logger_reaction {
     int part;
@@ -185,10 +191,13 @@ typedef struct pm_logger_view {
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
     // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
     bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    bool orbits[PM_LOGGER_COLUMNS]; // [first of such lengths] they move around their centre
     // [q][T] the entropy of temperature T depends on position q, as that of a gas on its volume.
     bool expands[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     int ncarrier;
     pm_logger_carrier carrier[PM_LOGGER_CARRIERS];
+    int ntide;
+    pm_logger_tide tide[PM_LOGGER_CARRIERS];
     int nreaction;
     pm_logger_reaction reaction[PM_LOGGER_REACTIONS];
     bool diffuses[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // amounts of one substance in two parts
@@ -215,6 +224,13 @@ typedef struct pm_logger_view {
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind);
 // Returns true if two columns of two parts act on each other by the port of the parts.
 bool pm_logger_joins(const pm_logger_view *view, int i, int j);
+
+// Returns true if a tide acts through the port of two parts, or, for one == other, in a part.
+static inline bool pm_logger_has_tide(const pm_logger_view *view, const pm_logger_tide *tide,
+                                      int one, int other) {
+    const int spin = view->column[tide->spin].part, orbit = view->column[tide->first].part;
+    return (spin == one && orbit == other) || (spin == other && orbit == one);
+}
 
 // Multiplies the heat capacities of all temperatures, whose scale is known from then on, and what
 // acts on them.
