@@ -375,21 +375,6 @@ static pm_node along(const construction *c, const pm_given_pair *pair, pm_node x
     return sum;
 }
 
-// Adds a pair with a direction.
-static pm_node add_along(const construction *c, pm_node rate, const pm_given_pair *pair, place col,
-                         pm_node d, pm_node n) {
-    pm_graph *g = c->g;
-    const pm_node ratio = pm_div(g, along(c, pair, n), at(c, n, col));
-    const pm_node drive = pm_sub(g, along(c, pair, d), pm_mul(g, ratio, at(c, d, col)));
-    const pm_node flow = multiply(c, pair, 1, drive);
-    for (int k = 0; k < pair->ndirection; ++k) {
-        const pm_direction_term *a = &pair->direction[k];
-        rate = add(c, rate, place_of(&c->support, a->name),
-                   multiply_by(c, a->coefficient, &a->formula, 1, flow));
-    }
-    return add(c, rate, col, pm_scale(g, pm_mul(g, ratio, flow), -1));
-}
-
 // Returns the rate [1][support.n] of all irreversible pairs for the driving d = dS and the normal
 // n = dE, both [1][support.n], or PM_NO_NODE if there is no pair. A pair of a variable and an
 // entropy adds
@@ -410,7 +395,15 @@ static pm_node given_irreversible(const construction *c, pm_node d, pm_node n) {
             continue;
         }
         if (pair->ndirection > 0) {
-            rate = add_along(c, rate, pair, col, d, n);
+            const pm_node ratio = pm_div(g, along(c, pair, n), at(c, n, col));
+            const pm_node drive = pm_sub(g, along(c, pair, d), pm_mul(g, ratio, at(c, d, col)));
+            const pm_node flow = multiply(c, pair, 1, drive);
+            for (int i = 0; i < pair->ndirection; ++i) {
+                const pm_direction_term *a = &pair->direction[i];
+                rate = add(c, rate, place_of(&c->support, a->name),
+                           multiply_by(c, a->coefficient, &a->formula, 1, flow));
+            }
+            rate = add(c, rate, col, pm_scale(g, pm_mul(g, ratio, flow), -1));
             continue;
         }
         const pm_node ratio = pm_div(g, at(c, n, row), at(c, n, col));

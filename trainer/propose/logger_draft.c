@@ -9,7 +9,7 @@
 #include "base/files.h"
 #include "base/path.h"
 #include "propose/logger_laws.h"
-#include "propose/logger_reactions.h"
+#include "propose/logger_mixture.h"
 #include "propose/search.h"
 
 #define FINE 0.15        // substep times the fastest linear rate, where steps are fitted
@@ -451,7 +451,9 @@ static void write_part(pm_logger_writer *w, int part) {
         return;
     }
     pm_logger_write_coenergy(w, part);
+    pm_logger_write_mixture(w, part);
     pm_logger_write_energy(w, part);
+    pm_logger_write_formation(w, part);
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (pm_logger_is(w->v, c, part, PM_LOGGER_TEMPERATURE)) {
             fprintf(w->model, "%s%s", some ? ", " : "    entropy: {given: [", w->v->column[c].name);

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "propose/logger_reactions.h"
-
 #define FURTHEST 1e3 // factor by which a positive constant moves from where regressions put it
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
@@ -342,7 +340,6 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             fputs(")\"\n", w->model);
         }
     }
-    pm_logger_write_mixture(w, part);
     if (shared) {
         double first = 0;
         bool listed = false;
@@ -470,7 +467,6 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         return;
     }
     fputs("    energy:\n", w->model);
-    pm_logger_write_formation(w, part);
     for (int c = 0; c < w->v->nvariable; ++c) {
         const pm_logger_column *q = &w->v->column[c];
         if (q->part != part || q->kind != PM_LOGGER_CHARGE) {

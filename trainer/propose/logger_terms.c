@@ -799,8 +799,11 @@ static bool stores_with_others(const pm_logger_view *v, int q) {
     return found;
 }
 
-// Returns true if two lengths never come near their centre.
-static bool stays_away(const pm_logger_samples *w, int q, int r) {
+// Finds whether lengths q and r never come near their centre, and the spins that their motion about
+// it changes, by a friction that falls with the distance. What else would couple these favours
+// directions.
+static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
+    pm_logger_view *v = w->view;
     double least = INFINITY, largest = 0;
     for (int k = 0; k < w->nrow; ++k) {
         const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
@@ -808,13 +811,7 @@ static bool stays_away(const pm_logger_samples *w, int q, int r) {
         least = isfinite(distance) ? fmin(least, distance) : least;
         largest = isfinite(distance) ? fmax(largest, distance) : largest;
     }
-    return least > ORBITS * largest;
-}
-
-// Finds spins that the motion of lengths q and r about their centre changes, by a friction that
-// falls with the distance. What else would couple them favours directions.
-static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
-    pm_logger_view *v = w->view;
+    v->orbits[q] = v->orbits[q] || least > ORBITS * largest;
     const pm_unit turn = pm_unit_parse("rad/s");
     for (int i = 0; i < v->nvariable && v->ntide < PM_LOGGER_CARRIERS; ++i) {
         const int part = v->column[i].part, own = v->column[q].part;
@@ -871,7 +868,6 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                                pm_unit_equal(&a->dimension, &b->dimension) &&
                                stores_both(w, q, r, work);
             if (v->central[q][r]) {
-                v->orbits[q] = v->orbits[q] || stays_away(w, q, r);
                 find_tides(w, q, r, work);
             }
         }

@@ -757,20 +757,6 @@ static void find_exchange(pm_logger_view *view) {
     }
 }
 
-void pm_logger_scale_heat(pm_logger_view *view, double factor) {
-    for (int k = 0; k < view->nvariable; ++k) {
-        pm_logger_column *c = &view->column[k];
-        if (c->kind == PM_LOGGER_TEMPERATURE) {
-            c->inertia *= factor;
-            c->free_scale = false;
-        }
-    }
-    for (int a = 0; a < view->naction; ++a) {
-        const pm_logger_column *target = &view->column[view->action[a].target];
-        view->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? factor : 1;
-    }
-}
-
 // Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
 // known power acts, or that which makes couplings of two co-energies equal and opposite.
 static void find_scales(pm_logger_samples *w) {

@@ -20,7 +20,8 @@
 #define PM_LOGGER_CARRIERS 8
 #define PM_LOGGER_AMOUNTS 6 // of a part, among which reactions are sought
 #define PM_LOGGER_REACTIONS 16
-#define PM_LOGGER_COLDEST 200.0 // K, of surroundings
+#define PM_LOGGER_GAS 8.314462618 // J/(mol K)
+#define PM_LOGGER_COLDEST 200.0   // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
 // Of the changes: a position of another part that explains less has no spring.
@@ -234,7 +235,19 @@ static inline bool pm_logger_has_tide(const pm_logger_view *view, const pm_logge
 
 // Multiplies the heat capacities of all temperatures, whose scale is known from then on, and what
 // acts on them.
-void pm_logger_scale_heat(pm_logger_view *view, double factor);
+static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
+    for (int k = 0; k < view->nvariable; ++k) {
+        pm_logger_column *c = &view->column[k];
+        if (c->kind == PM_LOGGER_TEMPERATURE) {
+            c->inertia *= factor;
+            c->free_scale = false;
+        }
+    }
+    for (int a = 0; a < view->naction; ++a) {
+        const pm_logger_column *target = &view->column[view->action[a].target];
+        view->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? factor : 1;
+    }
+}
 
 // Returns true if two parts are one, or have a port.
 static inline bool pm_logger_meets(const pm_logger_view *view, int one, int other) {
@@ -265,6 +278,15 @@ static inline bool pm_logger_is_linked(const pm_logger_view *view, int q, int p)
            view->column[a->mate].part == a->part && view->column[b->mate].part == b->part &&
            pm_unit_equal(&a->dimension, &b->dimension) &&
            fmax(view->share[a->mate][p], view->share[b->mate][q]) > PM_LOGGER_SPRINGS;
+}
+
+// Returns how many reactions a part has.
+static inline int pm_logger_reactions(const pm_logger_view *view, int part) {
+    int count = 0;
+    for (int k = 0; k < view->nreaction; ++k) {
+        count += view->reaction[k].part == part;
+    }
+    return count;
 }
 
 static inline bool pm_logger_is_velocity(const pm_logger_column *c) {

@@ -360,7 +360,7 @@ static bool is_over(const hypothesis_search *s) {
 // Writes to `path` [PATH_MAX] where the longer fit of a candidate leaves its weights; the winner's
 // file has no number (id -1).
 static void name_start(const hypothesis_search *s, int id, char *path) {
-    char number[16] = "";
+    char number[NAME_OF_FILE] = "";
     snprintf(number, sizeof number, id < 0 ? "" : "%d", id);
     snprintf(path, PATH_MAX, "%.*s.start%s", (int)pm_path_stem(s->path), s->path, number);
 }
