@@ -423,6 +423,70 @@ static void nothing_is_released_where_inertias_are_one(void **state) {
     }
 }
 
+// --- directions ---
+
+// A reaction A + B = C and the friction between an orbit and a spin.
+static const char directed[] =
+    "scene: directed\ntime: {dt: 0.01, steps: 100, integrator: rk6, substeps: 4}\nmodels:\n"
+    "  vessel: {coenergy: ['2*(T*ln(T/300)-T)', '0.4*T*a', '-0.2*T*c*c'],\n"
+    "    energy: ['3*a^2', '40*b', '9*c^2'], entropy: {given: T}, irreversible: {given: [\n"
+    "    [{a: 1, b: 1, c: -1}, T, '0.3*a*T']]}}\n"
+    "  moon: {energy: ['|p|^2/4', '-5/|q|', 'L^2', '2*300*exp(s/2)'], entropy: {given: s},\n"
+    "    reversible: {given: [[q, p, 1.0]]}, irreversible: {given: [\n"
+    "    [{'p[0]': '-q[1]/|q|^2', 'p[1]': 'q[0]/|q|^2', L: -1}, s, '0.2/|q|^4*dE.s']]}}\n"
+    "subsystems:\n"
+    "  vessel: {model: vessel, state: {a: {unit: mol, size: 1}, b: {unit: mol, size: 1},\n"
+    "    c: {unit: mol, size: 1}, T: {unit: K, size: 1, coenergy: true}}}\n"
+    "  moon: {model: moon, state: {q: {unit: m, size: 2}, p: {unit: kg m/s, size: 2},\n"
+    "    L: {unit: J s, size: 1}, s: {unit: J/K, size: 1}}}\n";
+
+static double total(const double *x, int n) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i) {
+        sum += x[i];
+    }
+    return sum;
+}
+
+static void directions_obey_both_laws(void **state) {
+    (void)state;
+    const double z[] = {2.0, 1.5, 0.5, 290.0, 1.0, 0.2, -0.4, 2.5, 3.0, 0.1};
+    subject s;
+    open_subject(&s, directed, z);
+    const pm_sample *sample = NULL;
+    double energy = NAN, entropy = NAN;
+    for (int step = 0; step < 100; ++step) {
+        require(pm_monolithic_step(s.simulation));
+        sample = pm_monolithic_sample(s.simulation);
+        const double e = total(sample->energy, 2), S = total(sample->entropy, 2);
+        assert_true(step == 0 || fabs(e - energy) < 1e-9 * fabs(energy));
+        assert_true(step == 0 || S >= entropy);
+        energy = e, entropy = S;
+    }
+    const double *now = sample->z;
+    // The atoms and the angular momentum stay; the reaction and the friction do not.
+    assert_true(fabs(now[0] + now[2] - (z[0] + z[2])) < 1e-12);
+    assert_true(fabs(now[1] + now[2] - (z[1] + z[2])) < 1e-12);
+    assert_true(fabs(now[0] - z[0]) > 1e-2);
+    const double before = z[4] * z[7] - z[5] * z[6] + z[8];
+    const double after = now[4] * now[7] - now[5] * now[6] + now[8];
+    assert_true(fabs(after - before) < 1e-8);
+    assert_true(fabs(now[8] - z[8]) > 1e-2);
+    // A direction does not name what takes up the heat.
+    pm_scene *scene = NULL;
+    pm_system *system = NULL;
+    require(pm_scene_parse(&scene,
+                           "scene: x\n" TIME "models:\n  m: {energy: ['a^2', '300*s'], entropy: "
+                           "{given: s},\n    irreversible: {given: [[{a: 1, s: 2}, s, 1.0]]}}\n"
+                           "subsystems:\n  x: {model: m, state: {a: {unit: m, size: 1}, s: {unit: "
+                           "J/K, size: 1}}}\n",
+                           "x.yaml"));
+    assert_int_equal(pm_system_load(&system, scene, NULL), PM_ECONFIG);
+    assert_non_null(strstr(pm_error(), "a direction must name"));
+    pm_scene_free(scene);
+    close_subject(&s);
+}
+
 // --- bits ---
 
 #define ARMS 20
@@ -523,6 +587,7 @@ int main(void) {
         cmocka_unit_test(release_keeps_all_rates),
         cmocka_unit_test(nothing_is_released_where_inertias_are_one),
         cmocka_unit_test(trainer_takes_the_same_step),
+        cmocka_unit_test(directions_obey_both_laws),
         cmocka_unit_test(all_divisions_have_the_same_bits),
         cmocka_unit_test(mistakes_are_refused),
     };

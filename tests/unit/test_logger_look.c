@@ -9,9 +9,10 @@
 
 #include <cmocka.h>
 
+#include "base/rng.h"
 #include "propose/logger_view.h"
 
-enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 4 };
+enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 6 };
 
 typedef struct logged {
     int nz, hidden; // columns, and states that none shows
@@ -19,6 +20,7 @@ typedef struct logged {
     const char *unit; // separated by ';'
     double dt;
     void (*rate)(const double *z, double *rate);
+    void (*start)(int trajectory, double *z); // NULL: waves
 } logged;
 
 // Trajectories of a system by the classical method of Runge and Kutta.
@@ -35,6 +37,9 @@ static pm_dataset *record(const logged *s) {
         double z[MOST];
         for (int c = 0; c < n; ++c) {
             z[c] = 0.6 * cos(1.7 * i + 2.3 * c);
+        }
+        if (s->start != NULL) {
+            s->start(i, z);
         }
         for (int j = 0; j < FINE * SAMPLES; ++j) {
             double k[MOST] = {0}, sum[MOST] = {0}, y[MOST];
@@ -76,7 +81,7 @@ static void the_length_of_a_spring_has_two_velocities(void **state) {
     static const char *const column[] = {"v1", "v2", "d"};
     static const char *const part[] = {"one=v1,d", "two=v2"};
     static const char *const port[] = {"one,two"};
-    pm_dataset *d = record(&(logged){3, 0, column, "m/s;m/s;m", 0.02, pair_rate});
+    pm_dataset *d = record(&(logged){3, 0, column, "m/s;m/s;m", 0.02, pair_rate, NULL});
     const pm_logger_hints hints = {
         .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
     pm_logger_view v;
@@ -107,7 +112,7 @@ static void rack_rate(const double *z, double *rate) {
 static void a_shaft_moves_a_rack(void **state) {
     (void)state;
     static const char *const column[] = {"x", "w"};
-    pm_dataset *d = record(&(logged){2, 0, column, "m;rad/s", 0.1, rack_rate});
+    pm_dataset *d = record(&(logged){2, 0, column, "m;rad/s", 0.1, rack_rate, NULL});
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.hidden = -1});
     assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
@@ -134,7 +139,7 @@ static void data_tell_a_weight_from_a_spring(void **state) {
     static const char *const column[] = {"q", "w"};
     void (*const rate[])(const double *, double *) = {weight_rate, spring_rate};
     for (int k = 0; k < 2; ++k) {
-        pm_dataset *d = record(&(logged){2, 0, column, "rad;rad/s", 0.005, rate[k]});
+        pm_dataset *d = record(&(logged){2, 0, column, "rad;rad/s", 0.005, rate[k], NULL});
         pm_logger_view v;
         look(&v, d, &(pm_logger_hints){.hidden = -1});
         assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
@@ -159,7 +164,7 @@ static void nothing_passes_between_two_springs(void **state) {
     static const char *const column[] = {"x1", "v1", "x2", "v2"};
     static const char *const part[] = {"one=x1,v1", "two=x2,v2"};
     static const char *const port[] = {"one,two"};
-    pm_dataset *d = record(&(logged){4, 0, column, "m;m/s;m;m/s", 0.03, apart_rate});
+    pm_dataset *d = record(&(logged){4, 0, column, "m;m/s;m;m/s", 0.03, apart_rate, NULL});
     const pm_logger_hints hints = {
         .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
     pm_logger_view v;
@@ -183,7 +188,7 @@ static void a_loss_heats_another_part(void **state) {
     static const char *const column[] = {"i", "u", "T"};
     static const char *const part[] = {"loop=i,u", "housing=T"};
     static const char *const port[] = {"loop,housing"};
-    pm_dataset *d = record(&(logged){3, 0, column, "A;V;K", 0.005, heating_rate});
+    pm_dataset *d = record(&(logged){3, 0, column, "A;V;K", 0.005, heating_rate, NULL});
     pm_logger_view v;
     for (int apart = 0; apart < 2; ++apart) {
         const pm_logger_hints hints = {
@@ -209,7 +214,7 @@ static void a_hidden_force_is_what_no_column_explains(void **state) {
     (void)state;
     static const char *const column[] = {"x", "v"};
     static const pm_logger_guess guess[] = {PM_LOGGER_AS_FOUND, PM_LOGGER_MOVED};
-    pm_dataset *d = record(&(logged){2, 1, column, "m;m/s", 0.02, relaxing_rate});
+    pm_dataset *d = record(&(logged){2, 1, column, "m;m/s", 0.02, relaxing_rate, NULL});
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.hidden = -1});
     assert_int_equal(v.column[1].nother, 1);
@@ -240,7 +245,7 @@ static void brake_rate(const double *z, double *rate) {
 static void conduction_has_the_scale_of_capacities(void **state) {
     (void)state;
     static const char *const column[] = {"v", "T", "F", "room"};
-    pm_dataset *d = record(&(logged){4, 0, column, "m/s;degC;N;degC", 0.02, brake_rate});
+    pm_dataset *d = record(&(logged){4, 0, column, "m/s;degC;N;degC", 0.02, brake_rate, NULL});
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.inputs = "F,room", .hidden = -1});
     const pm_logger_action *bath = NULL;
@@ -256,6 +261,110 @@ static void conduction_has_the_scale_of_capacities(void **state) {
     pm_dataset_free(d);
 }
 
+// --- reactions ---
+
+// A + B = 2 C
+static void reaction_rate(const double *z, double *rate) {
+    const double r = z[0] * z[1] - 0.5 * z[2] * z[2];
+    rate[0] = rate[1] = -r;
+    rate[2] = 2 * r;
+    rate[3] = 10 * r;
+}
+
+static void some_amounts(int i, double *z) {
+    for (int c = 0; c < 4; ++c) {
+        z[c] = c == 3 ? 300 : 1 + 0.6 * cos(1.7 * i + 2.3 * c);
+    }
+}
+
+static void amounts_change_by_small_integers(void **state) {
+    (void)state;
+    static const char *const column[] = {"A", "B", "C", "T"};
+    pm_dataset *d =
+        record(&(logged){4, 0, column, "mol;mol;mol;K", 0.01, reaction_rate, some_amounts});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.column[0].kind, PM_LOGGER_AMOUNT);
+    assert_int_equal(v.nreaction, 1);
+    assert_true(v.reaction[0].number[0] == 1 && v.reaction[0].number[1] == 1);
+    assert_true(v.reaction[0].number[2] == -2 && v.reaction[0].number[3] == 0);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- orbits ---
+
+// Friction between a spin w and the orbit of a moon, which falls with the distance.
+static void tide_rate(const double *z, double *rate) {
+    const double *q = z + 1, *v = z + 3;
+    const double r2 = q[0] * q[0] + q[1] * q[1];
+    const double orbit = (q[0] * v[1] - q[1] * v[0]) / r2;
+    const double moment = 0.004 * pow(r2, -2) * (orbit - z[0]);
+    rate[0] = moment / 0.3;
+    for (int c = 0; c < 2; ++c) {
+        rate[1 + c] = v[c];
+        rate[3 + c] = -q[c] / (r2 * sqrt(r2)) - moment * (c == 0 ? -q[1] : q[0]) / r2;
+    }
+    rate[5] = 5 * moment * (orbit - z[0]);
+}
+
+static void some_orbit(int i, double *z) {
+    const double angle = 2.4 * i, radius = 1 + 0.35 * cos(1.3 * i), speed = 0.9 / sqrt(radius);
+    const double start[] = {4 + cos(2.9 * i),    radius * cos(angle), radius * sin(angle),
+                            -speed * sin(angle), speed * cos(angle),  300};
+    memcpy(z, start, sizeof start);
+}
+
+static void a_spin_rubs_against_an_orbit(void **state) {
+    (void)state;
+    static const char *const column[] = {"w", "x", "y", "vx", "vy", "T"};
+    pm_dataset *d =
+        record(&(logged){6, 0, column, "rad/s;m;m;m/s;m/s;K", 0.1, tide_rate, some_orbit});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.ntide, 1);
+    assert_true(v.tide[0].spin == 0 && v.tide[0].first == 1 && v.tide[0].second == 2);
+    assert_int_equal(v.tide[0].heat, 5);
+    assert_true(v.orbits[1]);
+    assert_false(v.gyrates[0][3] || v.gyrates[0][4] || v.circles[3][4]);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- noise ---
+
+// Noise shows between the jumps of an input, however often it jumps.
+static void noise_shows_beside_inputs_that_jump(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "u"};
+    for (int length = 1; length <= 8; ++length) {
+        pm_dataset *d = NULL;
+        pm_rng rng;
+        pm_rng_init(&rng, 7, (uint64_t)length);
+        assert_int_equal(pm_dataset_new(&d, TRAJECTORIES, SAMPLES, 2, 0.1, column), PM_OK);
+        assert_int_equal(pm_dataset_note(d, "units", "K;V"), PM_OK);
+        for (int noisy = 0; noisy < 2; ++noisy) {
+            for (int i = 0; i < TRAJECTORIES; ++i) {
+                double u = 0;
+                for (int k = 0; k < SAMPLES; ++k) {
+                    double *z = pm_dataset_state(d, i, k);
+                    u = k % length == 0 ? pm_rng_normal(&rng) : u;
+                    z[0] = 300 + cos(0.03 * k + i) + 0.01 * noisy * pm_rng_normal(&rng);
+                    z[1] = u;
+                }
+            }
+            pm_logger_view v;
+            look(&v, d, &(pm_logger_hints){.inputs = "u", .hidden = 0});
+            if (noisy ? fabs(v.column[0].noise / 0.01 - 1) > 0.2 : v.column[0].noise > 0) {
+                fail_msg("an input that jumps each %d samples: noise %g", length,
+                         v.column[0].noise);
+            }
+            pm_logger_view_free(&v);
+        }
+        pm_dataset_free(d);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
@@ -265,6 +374,9 @@ int main(void) {
         cmocka_unit_test(a_loss_heats_another_part),
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
         cmocka_unit_test(conduction_has_the_scale_of_capacities),
+        cmocka_unit_test(amounts_change_by_small_integers),
+        cmocka_unit_test(a_spin_rubs_against_an_orbit),
+        cmocka_unit_test(noise_shows_beside_inputs_that_jump),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -23,7 +23,7 @@ static const char good[] =
     "  given: [[q, p, 1.0], [v, \"a\\\"b\\\\c\", -0.1]]\n"
     "  learned: {acts_on: [p, s], along: [\"q/|q|^2\"], features: [\"<q,p>\"], hidden: 8}\n"
     "irreversible:\n"
-    "  given: [[p, s, 0.5], [v, s, \"k*dE.s\"]]\n"
+    "  given: [[p, s, 0.5], [v, s, \"k*dE.s\"], [{u: 1, w: -2, v: \"-k\"}, s, k]]\n"
     "  learned: {acts_on: s, rank: 2, activation: softplus}\n";
 
 // Checks that the spec is what `good` says.
@@ -60,13 +60,19 @@ static void assert_good(const pm_part_spec *spec) {
     assert_true(reversible->network.nhidden == 1 && reversible->network.hidden[0] == 8);
 
     const pm_operator_spec *irreversible = &spec->irreversible;
-    assert_true(irreversible->learned && irreversible->rank == 2 && irreversible->ngiven == 2);
+    assert_true(irreversible->learned && irreversible->rank == 2 && irreversible->ngiven == 3);
     assert_names(irreversible->nacts, irreversible->acts_on, "s");
     assert_true(irreversible->nalong == 0 && irreversible->network.nfeature == 0);
     assert_int_equal(irreversible->network.activation, PM_SOFTPLUS);
     assert_true(irreversible->given[0].coefficient == 0.5);
     assert_null(irreversible->given[0].formula.text);
     assert_string_equal(irreversible->given[1].formula.text, "k*dE.s");
+    const pm_given_pair *along = &irreversible->given[2];
+    assert_true(along->ndirection == 3 && irreversible->given[0].ndirection == 0);
+    assert_string_equal(along->direction[1].name, "w");
+    assert_true(along->direction[0].coefficient == 1 && along->direction[1].coefficient == -2);
+    assert_string_equal(along->direction[2].formula.text, "-k");
+    assert_string_equal(along->formula.text, "k");
 }
 
 static void test_round_trip(void **state) {

@@ -10,7 +10,7 @@
 // The ratio of the standard deviation of a normal distribution to its median absolute value.
 #define NORMAL_MEDIAN 1.4826022185056018
 #define HIGHEST 6 // order of the differences that show noise, if there are enough of them
-#define LOWEST 3
+#define LOWEST 4
 #define FEWEST_DIFFERENCES 50
 #define WHITE 0.6          // noise by differences over noise by those of two orders less, at least
 #define CLEAN 1e-4         // of the deviation: less noise than that does not count
