@@ -22,6 +22,7 @@
 #define STIFF 1.5 // the force of the spring is -q - STIFF q^3
 #define TEXT 8192
 
+static const char *start; // of the file of the winner
 static char folder[] = "/tmp/test_searchXXXXXX";
 
 static void path_of(const char *name, char path[64]) {
@@ -80,6 +81,9 @@ static pm_status write_training(void *context, const int *chosen, const char *co
         "  - {optimiser: gauss_newton, iterations: %d, batch: 512, residual: derivative}\n"
         "  - {optimiser: gauss_newton, iterations: 20, batch: 512}\n",
         comment, scene, data, spring[chosen[first]], 20 + chosen[1 - first]);
+    if (start != NULL) {
+        fprintf(file, "start: {from: %s}\n", start);
+    }
     assert_int_equal(fclose(file), 0);
     return PM_OK;
 }
@@ -94,7 +98,7 @@ static void read_result(const char *path, char text[TEXT]) {
 static void search(double budget, int simplest, char text[TEXT]) {
     static const char *const spring[] = {"linear", "unreadable", "cubic"};
     static const char *const number[] = {"20", "21"};
-    pm_hypotheses space = {.write = write_training};
+    pm_hypotheses space = {.write = write_training, .start = &start};
     char path[64];
     path_of("result.yaml", path);
     assert_int_equal(pm_hypotheses_add(&space, "spring", 3, spring), 0);
@@ -121,6 +125,30 @@ static void the_data_decide(void **state) {
     search(5, 1, again);
     assert_non_null(strstr(again, " spring: cubic; number: 21 ("));
     assert_int_equal(strstr(strstr(again, " spring: cubic ("), "; longer: ") != NULL, 1);
+    assert_non_null(strstr(again, "start: {from: result.start}"));
+    assert_null(start);
+    // A fit of the winner starts where its longer fit ended, and the others left nothing.
+    static const volatile sig_atomic_t never = 0;
+    char path[64], file[64];
+    pm_fit fit;
+    path_of("result.yaml", path);
+    const pm_fit_arguments arguments = {.config = path, .output = folder};
+    assert_int_equal(pm_fit_open(&fit, &arguments, &never), PM_OK);
+    assert_int_equal(fit.size, 2);
+    assert_true(fabs(exp(fit.theta[0] + fit.theta[1]) / STIFF - 1) < 0.05); // k is 1
+    pm_fit_close(&fit);
+    for (int i = 0; i < 8; ++i) {
+        char name[16];
+        snprintf(name, sizeof name, "result.start%d", i);
+        path_of(name, file);
+        assert_int_equal(access(file, F_OK), -1);
+    }
+    // Weights of another model are refused.
+    path_of("result.start", file);
+    write_text(file, "no weights");
+    assert_int_equal(pm_fit_open(&fit, &arguments, &never), PM_EFILE);
+    assert_non_null(strstr(pm_error(), "without the key from of start weights are drawn"));
+    pm_fit_close(&fit);
 }
 
 // The choice that changes the group with the largest error is asked first: p follows the force of
