@@ -22,9 +22,11 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define STEEPEST 4     // power of a squared distance with which friction falls
-#define BENDS 3        // bends of a function of one variable, each of which has a place and a width
-#define MOST_BENDS 8   // likewise, of a function that may be wavy
+#define STEEPEST 4   // power of a squared distance with which friction falls
+#define BENDS 3      // bends of a function of one variable, each of which has a place and a width
+#define MOST_BENDS 8 // likewise, of a function that may be wavy
+// The argument of a logarithm that would round to 0 far below a step of a small width.
+#define SHARP 1e-9
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
 bool pm_logger_begin(pm_logger_writer *w) {
@@ -258,10 +260,10 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         if (k < BENDS) {
             fprintf(w->model, "      - \"bell_%s*width_%s*(%s - width_%s)\"\n", n, n, root, n);
         } else {
-            fprintf(
-                w->model,
-                "      - \"%s_%s/2*(%s^2/2 %c (%s*%s + width_%s^2*ln((%s + %s)/width_%s))/2)\"\n",
-                kinds[k], n, x, k == BENDS ? '+' : '-', x, root, n, x, root, n);
+            fprintf(w->model,
+                    "      - \"%s_%s/2*(%s^2/2 %c (%s*%s + width_%s^2*ln((%s + %s)/width_%s + "
+                    "%.4g))/2)\"\n",
+                    kinds[k], n, x, k == BENDS ? '+' : '-', x, root, n, x, root, n, SHARP);
         }
     }
 }
@@ -287,16 +289,29 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
         } else if (shares_inertia(w, c)) {
             shared = true;
         } else {
-            fputs("      - \"", w->model);
+            const bool turns = w->v->turns[c];
+            fputs(turns ? "      - \"(" : "      - \"", w->model);
             if (!y->free_scale) {
                 pm_logger_constant(w, "inertia", y->name, own);
                 fprintf(w->model, "inertia_%s*", y->name);
             }
-            if (w->v->turns[c]) {
+            if (turns) {
                 fputs("exp(0", w->model);
                 write_lever(w, y->name, "", part, true, -1, 1);
-                fputs(")*", w->model);
+                fputs(")", w->model);
             }
+            // A mass at a distance from an axis has an inertia that grows with its square.
+            for (int q = 0; q < w->v->nvariable && turns; ++q) {
+                const pm_logger_column *x = &w->v->column[q];
+                if (pm_logger_is(w->v, q, part, PM_LOGGER_POSITION) && !x->angle && q != y->mate) {
+                    char both[PM_LOGGER_TEXT];
+                    snprintf(both, sizeof both, "%.40s_by_%.40s", y->name, x->name);
+                    pm_logger_constant(w, "swing", both, SMALL * own);
+                    fprintf(w->model, " + swing_%s*(%s/%.6g)^2", both, x->name,
+                            fmax(fabs(x->least), fabs(x->largest)));
+                }
+            }
+            fputs(turns ? ")*" : "", w->model);
             bool shares = false;
             for (int j = c + 1; j < w->v->nvariable; ++j) {
                 if (w->v->mutual[c][j] != 0) {

@@ -14,6 +14,7 @@
 #define LARGE_PART 0.25 // likewise: inertias depend on positions if that explains so much
 #define SMALL_ANGLE 1.2 // rad
 #define ORBITS 0.15     // of the largest distance: an orbit comes no nearer to its centre
+#define INERTIAL 0.5    // of what products leave: an inertia depends on a position
 #define CLEARLY 0.9     // of what other terms leave: these leave clearly less
 #define GUIDED 0.01     // of the changes of a position: guides leave no more, beside noise
 #define ROUND 0.05      // a factor that differs by less from 1, where units allow it, is 1
@@ -413,8 +414,8 @@ static double pull_of(const pm_logger_samples *w, int i, equations *work) {
 }
 
 // Returns true if the products of velocity j with velocities change velocity i, more than a pull
-// towards a centre would.
-static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work) {
+// towards a centre would. *bends tells whether they depend on a position, as where an inertia does.
+static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work, bool *bends) {
     const pm_logger_view *v = w->view;
     term_list products = {0};
     add_term(&products, i, VALUE, i, SIZE);
@@ -424,6 +425,18 @@ static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work
         }
     }
     const double gain = gain_of(w, i, &products, 1, work, NULL);
+    const int known = products.count;
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        for (int k = 1; k < known && place->kind == PM_LOGGER_POSITION && !place->guided &&
+                        (place->mate == i || place->mate == j) && products.count < MOST;
+             ++k) {
+            regressor *r = &products.item[products.count++];
+            *r = products.item[k];
+            r->factor[2] = (atom){.column = q, .kind = VALUE};
+        }
+    }
+    *bends = gain > GAINS && gain_of(w, i, &products, known, work, NULL) > INERTIAL * work->rest;
     return gain > GAINS && gain > pull_of(w, i, work);
 }
 
@@ -541,9 +554,13 @@ pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
             const pm_logger_column *a = &v->column[i], *b = &v->column[j];
             const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
                               v->column[b->mate].guided;
-            v->gyrates[i][j] = free && a->part == b->part && pm_logger_is_velocity(a) &&
-                               pm_logger_is_velocity(b) &&
-                               (turns_into(w, i, j, work) || turns_into(w, j, i, work));
+            if (free && a->part == b->part && pm_logger_is_velocity(a) &&
+                pm_logger_is_velocity(b)) {
+                bool bends[2];
+                const bool one = turns_into(w, i, j, work, &bends[0]);
+                const bool other = turns_into(w, j, i, work, &bends[1]);
+                v->gyrates[i][j] = (one || other) && !bends[0] && !bends[1];
+            }
         }
     }
     return PM_OK;
@@ -963,7 +980,14 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 find_harmonics(w, i, work);
             }
         } else {
-            // A capacity that depends on positions divides all that moves the variable.
+            // A capacity that depends on positions divides all that moves the variable, and changes
+            // it with the velocities, as a skater spins faster who pulls in the arms.
+            for (int q = 0; q < v->nvariable; ++q) {
+                const pm_logger_column *place = &v->column[q];
+                if (place->kind == PM_LOGGER_POSITION && place->part == y->part && !place->guided) {
+                    add_term(&turning, place->mate, VALUE, i, VALUE);
+                }
+            }
             for (int j = 0; j < v->ncolumn; ++j) {
                 if (v->share[i][j] > GAINS && v->column[j].kind != PM_LOGGER_POSITION) {
                     add_positions(v, &turning, y->part, j, VALUE, true);
