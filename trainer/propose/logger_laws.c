@@ -27,6 +27,10 @@
 #define MOST_BENDS 8 // likewise, of a function that may be wavy
 // The argument of a logarithm that would round to 0 far below a step of a small width.
 #define SHARP 1e-9
+// Logarithms of the factors of a bend, and of a deviation of a temperature: what is not there would
+// else become large outside of the data.
+#define MOST_BEND 3
+#define MOST_THERMAL 1
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
 bool pm_logger_begin(pm_logger_writer *w) {
@@ -119,7 +123,7 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
         fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name,
                 asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)));
     }
-    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.5s_%.81s))", middle, half, kind, name);
+    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.76s))", middle, half, kind, name);
     return text;
 }
 
@@ -229,41 +233,56 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
 
 // Writes the co-energy of what an inductance or a capacity adds that depends on the co-energy
 // itself. It is positive: a part that grows outside the data, bells, and steps that rise and fall,
-// of learned places and widths.
-static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double inertia) {
+// of learned places and widths. Where an inertia depends on positions by a factor c, all of it is a
+// function of the co-energy times c, divided by c, as for a core that saturates beside a gap.
+static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double inertia,
+                        bool turns) {
     const char *name = y->name;
     const double d = fmax(fabs(y->least), fabs(y->largest));
+    char lever[4 * PM_LOGGER_LONG_TEXT] = "", u[5 * PM_LOGGER_LONG_TEXT];
+    char first[5 * PM_LOGGER_LONG_TEXT];
+    if (turns) {
+        FILE *const model = w->model;
+        w->model = fmemopen(lever, sizeof lever, "w");
+        if (w->model != NULL) {
+            write_lever(w, name, "", y->part, true, -1, 1);
+            fclose(w->model);
+        }
+        w->model = model;
+    }
+    snprintf(u, sizeof u, turns ? "(%s*exp(0%s))" : "%s%s", name, lever);
+    snprintf(first, sizeof first, turns ? "      - \"exp(-(0%s))*(" : "      - \"%s(", lever);
     pm_logger_constant(w, "more", name, SMALL * inertia);
-    fprintf(w->model, "      - \"more_%s*%s^4/%.4g\"\n", name, name, 4 * 3 * d * d);
+    fprintf(w->model, "%smore_%s*%s^4/%.4g)\"\n", first, name, u, 4 * 3 * d * d);
     const pm_unit pressure = pm_unit_parse("Pa");
     if (pm_unit_equal(&y->dimension, &pressure) && y->least > SMALL * y->largest) {
         // Gas under pressure p has a capacity of p^-2 at constant temperature, and of less high
         // powers without exchange of heat.
         pm_logger_constant(w, "isothermal", name, SMALL * inertia);
         pm_logger_constant(w, "polytropic", name, SMALL * inertia);
-        fprintf(w->model,
-                "      - \"isothermal_%s*%.6g*ln(%.6g/%s)\"\n"
-                "      - \"-polytropic_%s*%.6g*sqrt(%s)\"\n",
-                name, y->mean * y->mean, y->mean, name, name, 4 * y->mean * sqrt(y->mean), name);
+        fprintf(w->model, "%sisothermal_%s*%.6g*ln(%.6g/%s))\"\n", first, name, y->mean * y->mean,
+                y->mean, u);
+        fprintf(w->model, "%s-polytropic_%s*%.6g*sqrt(%s))\"\n", first, name,
+                4 * y->mean * sqrt(y->mean), u);
     }
     for (int k = 0; k < BENDS + 2; ++k) {
         static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
-        char n[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], root[3 * PM_LOGGER_TEXT];
+        char n[PM_LOGGER_TEXT], x[6 * PM_LOGGER_LONG_TEXT], root[7 * PM_LOGGER_LONG_TEXT];
         snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
         pm_logger_constant(w, kinds[k], n, SMALL * inertia);
-        snprintf(x, sizeof x, "(%.40s - %.60s)", name,
+        snprintf(x, sizeof x, "(%s - %.60s)", u,
                  pm_logger_number(w, "place", n,
                                   y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
                                   y->deviation));
         pm_logger_constant(w, "width", n, y->deviation);
         snprintf(root, sizeof root, "sqrt(%s^2 + width_%s^2)", x, n);
         if (k < BENDS) {
-            fprintf(w->model, "      - \"bell_%s*width_%s*(%s - width_%s)\"\n", n, n, root, n);
+            fprintf(w->model, "%sbell_%s*width_%s*(%s - width_%s))\"\n", first, n, n, root, n);
         } else {
-            fprintf(w->model,
-                    "      - \"%s_%s/2*(%s^2/2 %c (%s*%s + width_%s^2*ln((%s + %s)/width_%s + "
-                    "%.4g))/2)\"\n",
-                    kinds[k], n, x, k == BENDS ? '+' : '-', x, root, n, x, root, n, SHARP);
+            fprintf(
+                w->model,
+                "%s%s_%s/2*(%s^2/2 %c (%s*%s + width_%s^2*ln((%s + %s)/width_%s + %.4g))/2))\"\n",
+                first, kinds[k], n, x, k == BENDS ? '+' : '-', x, root, n, x, root, n, SHARP);
         }
     }
 }
@@ -331,7 +350,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                         2 * 3 * y->largest);
             } else if (bends && (y->bent || capacity == LEARNED_CAPACITY) &&
                        !pm_logger_is_velocity(y) && y->relaxes == 0) {
-                write_bends(w, y, own);
+                write_bends(w, y, own, turns);
             }
         }
     }
@@ -784,7 +803,7 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         char numbered[PM_LOGGER_TEXT];
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
-        const char *bend = pm_logger_number(w, "bend", n, 0, 1);
+        const char *bend = bounded_place(w, "bend", n, 0, -MOST_BEND, MOST_BEND);
         const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
         pm_logger_constant(w, "range", n, apart);
         if (sign == NULL) {
@@ -987,8 +1006,8 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
     if (t >= 0) {
         const pm_logger_column *T = &w->v->column[t];
         fprintf(w->model, "*exp(%s*(%s%s - %.6g)/%.4g)*%sdE.%s\"]",
-                pm_logger_number(w, "thermal", name, 0, 1), to, T->name, T->mean, T->deviation, to,
-                T->name);
+                bounded_place(w, "thermal", name, 0, -MOST_THERMAL, MOST_THERMAL), to, T->name,
+                T->mean, T->deviation, to, T->name);
     } else {
         fprintf(w->model, "*%sdE.s\"]", to);
     }
