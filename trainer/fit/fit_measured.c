@@ -751,7 +751,7 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         }
         if (isfinite(residual) && (p->loss == 0 || residual < p->loss)) {
             pm_shooting_weights(s, f->best);
-            p->loss = residual;
+            p->loss = p->best = residual; // also for a fit that is interrupted in a later attempt
             p->best_done = p->attempt;
         }
         if (f->arguments->effort != NULL && p->attempt == LONG_ATTEMPT) {
@@ -865,6 +865,7 @@ static pm_status run(pm_fit *f) {
         }
     }
     pm_shooting_weights(&shooting, f->theta);
+    f->position.best = -1;
     for (int i = 0; i < f->size; ++i) { // what is left out vanishes
         const bool out = m->beside[i] == 1 && f->position.finer == WITHOUT_AGAIN;
         f->theta[i] = out ? f->declared[i] : f->theta[i];

@@ -31,6 +31,7 @@
 // else become large outside of the data.
 #define MOST_BEND 3
 #define MOST_THERMAL 1
+#define LEVER_TEXT (4 * PM_LOGGER_LONG_TEXT)
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
 bool pm_logger_begin(pm_logger_writer *w) {
@@ -125,6 +126,13 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
     }
     snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.76s))", middle, half, kind, name);
     return text;
+}
+
+// Adds the logarithm of a factor, which begins at 0, unless it is there, and returns its text as
+// bounded_place does. Noise would make what is not there large where no data are.
+static const char *logarithm(pm_logger_writer *w, const char *kind, const char *name, double most) {
+    return w->v->noisy ? bounded_place(w, kind, name, 0, -most, most)
+                       : pm_logger_number(w, kind, name, 0, 1);
 }
 
 // Returns the size of the energy of a co-energy.
@@ -239,8 +247,7 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
                         bool turns) {
     const char *name = y->name;
     const double d = fmax(fabs(y->least), fabs(y->largest));
-    char lever[4 * PM_LOGGER_LONG_TEXT] = "", u[5 * PM_LOGGER_LONG_TEXT];
-    char first[5 * PM_LOGGER_LONG_TEXT];
+    char lever[LEVER_TEXT] = "", u[2 * LEVER_TEXT], first[2 * LEVER_TEXT];
     if (turns) {
         FILE *const model = w->model;
         w->model = fmemopen(lever, sizeof lever, "w");
@@ -267,7 +274,7 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
     }
     for (int k = 0; k < BENDS + 2; ++k) {
         static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
-        char n[PM_LOGGER_TEXT], x[6 * PM_LOGGER_LONG_TEXT], root[7 * PM_LOGGER_LONG_TEXT];
+        char n[PM_LOGGER_TEXT], x[3 * LEVER_TEXT], root[4 * LEVER_TEXT];
         snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
         pm_logger_constant(w, kinds[k], n, SMALL * inertia);
         snprintf(x, sizeof x, "(%s - %.60s)", u,
@@ -803,7 +810,7 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         char numbered[PM_LOGGER_TEXT];
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
-        const char *bend = bounded_place(w, "bend", n, 0, -MOST_BEND, MOST_BEND);
+        const char *bend = logarithm(w, "bend", n, MOST_BEND);
         const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
         pm_logger_constant(w, "range", n, apart);
         if (sign == NULL) {
@@ -1006,8 +1013,8 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
     if (t >= 0) {
         const pm_logger_column *T = &w->v->column[t];
         fprintf(w->model, "*exp(%s*(%s%s - %.6g)/%.4g)*%sdE.%s\"]",
-                bounded_place(w, "thermal", name, 0, -MOST_THERMAL, MOST_THERMAL), to, T->name,
-                T->mean, T->deviation, to, T->name);
+                logarithm(w, "thermal", name, MOST_THERMAL), to, T->name, T->mean, T->deviation, to,
+                T->name);
     } else {
         fprintf(w->model, "*%sdE.s\"]", to);
     }
