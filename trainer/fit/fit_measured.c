@@ -762,6 +762,11 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         const bool doubted = p->attempt == 0 && residual > LEAST_MISLED && misled(f, s);
         const bool good = p->loss > 0 && p->loss < UNLUCKY && !doubted;
         const bool best = p->best_done == p->attempt && p->loss > 0;
+        // The best start taken again may lead to worse weights than before.
+        if (last && p->loss > 0 && !(residual <= p->loss)) {
+            pm_shooting_set_weights(s, f->best);
+            return PM_OK;
+        }
         if ((good && best) || last || f->training->plain || f->size == 0 ||
             (p->attempt + 1 == MOST_ATTEMPTS && best)) {
             return isfinite(residual)

@@ -178,6 +178,7 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial
     int end = 0;
     *trial =
         (pm_search_trial){.failed = true,
+                          .unfinished = true,
                           .score = {.step = INFINITY, .rollout = INFINITY, .production = INFINITY},
                           .reason = "the fit took too long or ended by a fault"};
     size_t got = 0;
@@ -296,6 +297,11 @@ static bool is_better(const pm_search_trial *a, const pm_search_trial *b, double
     return mean + sqrt(fmax(square - mean * mean, 0) / (n - 1)) < log(factor);
 }
 
+// Returns the longer fit of a finalist, or the short one if there was no time for it.
+static const pm_search_trial *latest(const tried_vector *c) {
+    return c->last.unfinished ? &c->trial : &c->last;
+}
+
 static bool is_enough(const hypothesis_search *s, const pm_search_trial *t) {
     bool all = true;
     for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
@@ -375,7 +381,7 @@ static pm_status run(hypothesis_search *s, int count, const int *which,
         const int *vector[AT_ONCE] = {NULL};
         pm_search_trial trial[AT_ONCE];
         // The trials end with the time that is left, if it is measured, but not at once.
-        const double left = most > 0 ? fmax(most - s->used, LEAST_SECONDS) : INFINITY;
+        const double left = most > 0 ? fmax((most - s->used) / n, LEAST_SECONDS) : INFINITY;
         const double longest = fmin(fmax(SAFETY * seconds, FEWEST_SECONDS), left);
         char path[AT_ONCE][PATH_MAX];
         const char *start[AT_ONCE] = {NULL};
@@ -446,7 +452,8 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     // Among equals the one that is believed more, which was tried first, wins, and the simple one.
     s->best = which[0];
     for (int k = 1; k < count; ++k) {
-        const pm_search_trial *t = &s->candidate[which[k]].last, *b = &s->candidate[s->best].last;
+        const pm_search_trial *t = latest(&s->candidate[which[k]]);
+        const pm_search_trial *b = latest(&s->candidate[s->best]);
         const bool is_last = doubt && which[k] == last, was_last = doubt && s->best == last;
         if (was_last             ? !is_better(b, t, BETTER)
             : which[k] < s->best ? !is_better(b, t, 1)

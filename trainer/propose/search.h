@@ -86,9 +86,9 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
 
 // The result of a trial.
 typedef struct pm_search_trial {
-    pm_fit_score score; // infinite where the fit has failed
-    bool failed;
-    char reason[128]; // why it has failed
+    pm_fit_score score;      // infinite where the fit has failed
+    bool failed, unfinished; // unfinished: it took too long, or ended by a fault
+    char reason[128];        // why it has failed
     // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""
     // if something else was learned, too.
     char found[PM_SEARCH_FOUND];
