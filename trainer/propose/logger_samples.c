@@ -148,7 +148,12 @@ static void divide(pm_logger_samples *w, int length) {
                 for (int j = k; j < k + length; ++j) {
                     const double first = pm_logger_row(w, i, j)[c],
                                  last = pm_logger_row(w, i, j + 1)[c];
-                    const double mean = column->held ? first : (first + last) / 2;
+                    const double *before = pm_logger_near(w, i, j, -1);
+                    const double *after = pm_logger_near(w, i, j, 2);
+                    const double y[] = {before == NULL ? NAN : before[c], first, last,
+                                        after == NULL ? NAN : after[c]};
+                    const double mean =
+                        column->held ? first : (first + last) / 2 + pm_logger_bend(y);
                     x[1 + c] += (pm_logger_time(w, i, j + 1) - pm_logger_time(w, i, j)) *
                                 (mean - column->mean) / scale;
                 }

@@ -29,6 +29,23 @@ static inline double pm_logger_time(const pm_logger_samples *w, int trajectory, 
     return w->time[(ptrdiff_t)trajectory * w->view->dataset->ntime + sample];
 }
 
+// Returns by how much the mean of a smooth function over the interval after a sample differs from
+// that of both ends, whose values are y[1] and y[2]; y[0] and y[3] are those before and after. With
+// it integrals are those of cubic polynomials, since a trapezium is too coarse for few samples in a
+// period. Where a neighbour is missing it is 0.
+static inline double pm_logger_bend(const double y[4]) {
+    const double parts = 24, bend = (y[1] + y[2] - y[0] - y[3]) / parts;
+    return isfinite(bend) ? bend : 0;
+}
+// Returns the sample `away` samples after j, or NULL where it is not evenly spaced or does not
+// exist.
+static inline const double *pm_logger_near(const pm_logger_samples *w, int trajectory, int j,
+                                           int away) {
+    const int k = j + away;
+    return w->view->even && k >= 0 && k < w->view->dataset->ntime ? pm_logger_row(w, trajectory, k)
+                                                                  : NULL;
+}
+
 // Finds range, mean and deviation of column c. An input is `held` if it mostly stays as it is, or
 // if it is rough. Returns true if the column is a staircase with wide steps, or constant in each
 // trajectory.

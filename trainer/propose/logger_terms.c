@@ -103,6 +103,15 @@ static double product_of(const pm_logger_view *v, const double *row, const doubl
            value_of(v, row, held, r->factor[2]);
 }
 
+// Returns true if no factor is held between samples.
+static bool is_smooth(const pm_logger_view *v, const regressor *r) {
+    bool smooth = true;
+    for (int k = 0; k < 3; ++k) {
+        smooth = smooth && (r->factor[k].kind == ONE || !v->column[r->factor[k].column].held);
+    }
+    return smooth;
+}
+
 // Normal equations of the windows that learn, and of those that judge.
 typedef struct equations {
     int n, count;
@@ -163,15 +172,29 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
             for (int j = k; j < k + length; ++j) {
                 const double *first = pm_logger_row(w, i, j), *last = pm_logger_row(w, i, j + 1);
                 const double half = (pm_logger_time(w, i, j + 1) - pm_logger_time(w, i, j)) / 2;
+                const double *around[] = {pm_logger_near(w, i, j, -1), first, last,
+                                          pm_logger_near(w, i, j, 2)};
+                const bool whole = around[0] != NULL && around[3] != NULL;
                 x[0] += all ? 2 * half : 0;
                 for (int c = 0; c < v->ncolumn && all; ++c) {
                     const double scale = v->column[c].deviation > 0 ? v->column[c].deviation : 1;
                     const double next = v->column[c].held ? first[c] : last[c];
-                    x[1 + c] += half * (first[c] + next - 2 * v->column[c].mean) / scale;
+                    double y[4] = {0};
+                    for (int n = 0; n < 4 && whole && !v->column[c].held; ++n) {
+                        y[n] = around[n][c];
+                    }
+                    x[1 + c] += half *
+                                (first[c] + next - 2 * v->column[c].mean + 2 * pm_logger_bend(y)) /
+                                scale;
                 }
                 for (int t = 0; t < list->count; ++t) {
-                    x[base + t] += half * (product_of(v, first, first, &list->item[t]) +
-                                           product_of(v, last, first, &list->item[t]));
+                    const regressor *r = &list->item[t];
+                    double y[4] = {0};
+                    for (int n = 0; n < 4 && whole && is_smooth(v, r); ++n) {
+                        y[n] = product_of(v, around[n], first, r);
+                    }
+                    x[base + t] += half * (product_of(v, first, first, r) +
+                                           product_of(v, last, first, r) + 2 * pm_logger_bend(y));
                 }
             }
             const double change =
