@@ -469,6 +469,11 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
         const char *data = getpid() == a->process ? a->named : a->data;
         change(c, 0, pm_yaml_get(a->training, "scene"), true,
                pm_arena_printf(&arena, "\"%s\"", pm_path_seen_from(path, scene, seen)));
+        if (t->from != NULL) { // weights of these models, which are not those of others
+            change(c, 0, pm_yaml_get(a->training, "start"), true,
+                   pm_arena_printf(&arena, "{tries: %d, iterations: %d}", t->tries,
+                                   t->try_iterations));
+        }
         const pm_yaml block = pm_yaml_get(a->training, "data");
         const char *named =
             pm_arena_printf(&arena, "{file: \"%s\", trajectories: \"%s\", validation: \"%s\"}",
