@@ -633,7 +633,9 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     }
     name_start(s, s->best, own);
     name_start(s, -1, start);
-    const bool starts = s->candidate[s->best].finalist && rename(own, start) == 0;
+    // Draws may be better than bad weights.
+    const bool good = s->candidate[s->best].last.score.rollout < PM_VERDICT_GOOD;
+    const bool starts = s->candidate[s->best].finalist && good && rename(own, start) == 0;
     if (starts) {
         const char *slash = strrchr(start, '/');
         *space->start = slash == NULL ? start : slash + 1;
