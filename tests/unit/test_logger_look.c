@@ -261,6 +261,33 @@ static void conduction_has_the_scale_of_capacities(void **state) {
     pm_dataset_free(d);
 }
 
+// A piston and a flow change a volume, whose pressure pushes the piston.
+static void filled_rate(const double *z, double *rate) {
+    rate[0] = -0.2 * z[1] + z[2];
+    rate[1] = z[0] - 0.1 * z[1];
+    rate[2] = z[3]; // the flow is a wave
+    rate[3] = -4 * z[2];
+}
+
+static void a_flow_fills_a_volume(void **state) {
+    (void)state;
+    static const char *const column[] = {"V", "v", "Q"};
+    pm_dataset *d = record(&(logged){3, 1, column, "m^3;m/s;m^3/s", 0.02, filled_rate, NULL});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "Q", .hidden = -1});
+    assert_int_equal(v.column[0].kind, PM_LOGGER_POSITION);
+    assert_int_equal(v.column[0].mate, 1);
+    assert_true(fabs(v.column[0].ratio / -0.2 - 1) < 0.02);
+    bool fills = false;
+    for (int a = 0; a < v.naction; ++a) {
+        fills = fills || (v.action[a].effect == PM_LOGGER_FILLS && v.action[a].target == 0 &&
+                          v.action[a].gain == 1);
+    }
+    assert_true(fills);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 // --- reactions ---
 
 // A + B = 2 C
@@ -374,6 +401,7 @@ int main(void) {
         cmocka_unit_test(a_loss_heats_another_part),
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
         cmocka_unit_test(conduction_has_the_scale_of_capacities),
+        cmocka_unit_test(a_flow_fills_a_volume),
         cmocka_unit_test(amounts_change_by_small_integers),
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),

@@ -8,6 +8,8 @@
 #include "propose/logger_view.h"
 #include "propose/look.h"
 
+#define PM_LOGGER_BEND 24 // of a cubic polynomial (pm_logger_bend)
+
 // The numbers of all columns, and the windows of the regressions. The view lists the columns.
 typedef struct pm_logger_samples {
     pm_logger_view *view;
@@ -34,7 +36,7 @@ static inline double pm_logger_time(const pm_logger_samples *w, int trajectory, 
 // it integrals are those of cubic polynomials, since a trapezium is too coarse for few samples in a
 // period. Where a neighbour is missing it is 0.
 static inline double pm_logger_bend(const double y[4]) {
-    const double parts = 24, bend = (y[1] + y[2] - y[0] - y[3]) / parts;
+    const double bend = (y[1] + y[2] - y[0] - y[3]) / PM_LOGGER_BEND;
     return isfinite(bend) ? bend : 0;
 }
 // Returns the sample `away` samples after j, or NULL where it is not evenly spaced or does not

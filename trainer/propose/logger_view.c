@@ -347,6 +347,17 @@ static double round_ratio(double ratio, double tolerance) {
     return fabs(fabs(ratio) - 1) < tolerance ? copysign(1, ratio) : ratio;
 }
 
+// Marks the inputs that may be a part of the rate of column q, as a flow into a volume is.
+static void use_flows(const pm_logger_view *view, int q, bool *used) {
+    const pm_unit second = pm_unit_parse("s");
+    for (int u = view->nvariable; u < view->ncolumn; ++u) {
+        const pm_unit unit = pm_unit_product(&view->column[u].dimension, &second);
+        used[u] = view->column[q].dimension.known && view->column[u].dimension.known &&
+                  is_displacement(&view->column[q]) &&
+                  pm_unit_equal(&view->column[q].dimension, &unit);
+    }
+}
+
 // Makes column q a position if velocities explain its rate: several ones that of the length of a
 // spring between two bodies, one that of a load behind a gear. Its mate is the one that moves it
 // most of those in its part that have none yet.
@@ -361,6 +372,7 @@ static void find_length(pm_logger_samples *w, int q) {
         used[v] = is_flow(&view->column[v]) && pm_unit_equal(&view->column[q].dimension, &unit);
         count += used[v];
     }
+    use_flows(view, q, used);
     if (view->column[q].mate >= 0 || !is_displacement(&view->column[q]) || count == 0 ||
         !(pm_logger_regress(w, q, used, coefficient) < 2 * SAME)) {
         return;
@@ -384,6 +396,34 @@ static void find_length(pm_logger_samples *w, int q) {
         view->column[q].mate = mate;
         view->column[q].kind = PM_LOGGER_POSITION;
         view->column[mate].mate = q;
+    }
+}
+
+// Finds which inputs fill positions: beside the velocities they explain the rate with the factor 1.
+static void find_flows(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    for (int q = 0; q < view->nvariable; ++q) {
+        const pm_logger_column *place = &view->column[q];
+        bool used[PM_LOGGER_COLUMNS] = {false};
+        double coefficient[1 + PM_LOGGER_COLUMNS];
+        if (place->kind != PM_LOGGER_POSITION || place->guided || place->source == NULL ||
+            view->column[place->mate].source == NULL) {
+            continue;
+        }
+        use_flows(view, q, used);
+        for (int v = 0; v < view->nvariable; ++v) {
+            used[v] = v == place->mate || view->moves[q][v] != 0;
+        }
+        (void)pm_logger_regress(w, q, used, coefficient);
+        for (int u = view->nvariable; u < view->ncolumn && view->naction < PM_LOGGER_ACTIONS; ++u) {
+            const double slope = used[u] && view->column[u].deviation > 0
+                                     ? coefficient[1 + u] / view->column[u].deviation
+                                     : 0;
+            if (fabs(fabs(slope) - 1) < 2 * SAME) {
+                view->action[view->naction++] = (pm_logger_action){
+                    .input = u, .target = q, .effect = PM_LOGGER_FILLS, .gain = copysign(1, slope)};
+            }
+        }
     }
 }
 
@@ -416,6 +456,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
                     continue;
                 }
                 used[j] = true;
+                use_flows(view, i, used);
                 const double rest = pm_logger_regress(w, i, used, coefficient);
                 const double slope = coefficient[1 + j] / (b->deviation > 0 ? b->deviation : 1);
                 const double own = same ? round_ratio(slope, SAME) : slope;
@@ -439,6 +480,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
     for (int q = 0; q < view->nvariable; ++q) {
         find_length(w, q);
     }
+    find_flows(w);
     PM_TRY(pm_logger_find_guides(w, false));
     const int measured = view->nvariable;
     for (int c = 0; c < measured; ++c) {
