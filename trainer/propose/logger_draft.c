@@ -174,9 +174,14 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
         if (input < 0) {
             const pm_logger_kind kind = v->column[c].kind;
             const bool reacts = kind == PM_LOGGER_AMOUNT && v->thermometer[part] < 0;
+            bool orbits = false;
+            for (int k = 0; k < v->ntide; ++k) {
+                orbits = orbits ||
+                         (v->tide[k].heat < 0 && (v->tide[k].first == c || v->tide[k].second == c));
+            }
             exposed = exposed &&
-                      (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts || v->leaks[c] ||
-                       (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
+                      (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts || orbits ||
+                       v->leaks[c] || (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {
@@ -493,7 +498,7 @@ static void write_part(pm_logger_writer *w, int part) {
         }
     }
     for (int k = 0; k < w->v->ntide; ++k) {
-        if (pm_logger_has_tide(w->v, &w->v->tide[k], part, part)) {
+        if (pm_logger_has_tide(w->v, &w->v->tide[k], part, part) && w->v->tide[k].heat >= 0) {
             fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [", w->model);
             some = true;
             pm_logger_write_tide(w, &w->v->tide[k], "", "", "");
@@ -560,6 +565,13 @@ static void write_losses(pm_logger_writer *w, int part) {
                                            y->inertia * fabs(v->coupling[i][j]), NULL);
                 fputs("\"]", w->model);
             }
+        }
+    }
+    for (int k = 0; k < v->ntide; ++k) {
+        if (pm_logger_has_tide(v, &v->tide[k], part, part) && v->tide[k].heat < 0) {
+            fputs(some ? next : first, w->model);
+            some = true;
+            pm_logger_write_tide(w, &v->tide[k], "a.", "a.", "b.");
         }
     }
     for (int k = 0; k < v->nreaction; ++k) {
@@ -675,7 +687,8 @@ static void write_port(pm_logger_writer *w, const int *parts) {
         for (int k = 0; k < v->ntide && thermal == 1; ++k) {
             const pm_logger_tide *tide = &v->tide[k];
             if (pm_logger_has_tide(v, tide, parts[0], parts[1])) {
-                const int column[] = {tide->spin, tide->first, tide->heat};
+                const int column[] = {tide->spin, tide->first,
+                                      tide->heat >= 0 ? tide->heat : tide->spin};
                 const char *end[3];
                 for (int c = 0; c < 3; ++c) {
                     end[c] = v->column[column[c]].part == parts[0] ? "a." : "b.";

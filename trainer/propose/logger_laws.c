@@ -1024,7 +1024,12 @@ void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const
                           const char *orbit, const char *heat) {
     const pm_logger_column *c = w->v->column;
     const pm_logger_column *s = &c[tide->spin], *x = &c[tide->first], *y = &c[tide->second];
-    const char *u = c[x->mate].name, *v = c[y->mate].name, *T = c[tide->heat].name;
+    const char *u = c[x->mate].name, *v = c[y->mate].name;
+    char T[PM_LOGGER_TEXT] = "s"; // of the surroundings
+    if (tide->heat >= 0 || s->part != x->part) {
+        snprintf(T, sizeof T, "%s%.80s", tide->heat >= 0 ? "" : "s_",
+                 tide->heat >= 0 ? c[tide->heat].name : s->name);
+    }
     const double d = hypot(fmax(fabs(x->least), x->largest), fmax(fabs(y->least), y->largest));
     char square[PM_LOGGER_LONG_TEXT], name[PM_LOGGER_TEXT];
     snprintf(square, sizeof square, "(%s%.40s^2 + %s%.40s^2 + %.4g)", orbit, x->name, orbit,

@@ -865,12 +865,15 @@ static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
             products.item[products.count++] =
                 (regressor){{turning[k % 2], near, k < 2 ? (atom){0} : near}};
         }
-        if (v->column[i].kind != PM_LOGGER_FLOW || v->column[i].source == NULL || heat < 0 ||
+        if (v->column[i].kind != PM_LOGGER_FLOW || v->column[i].source == NULL ||
             !pm_unit_equal(&v->column[i].dimension, &turn) || !pm_logger_meets(v, part, own) ||
             !(gain_of(w, i, &products, 0, work, NULL) > fmax(GAINS, LARGE_PART * work->rest))) {
             continue;
         }
         v->tide[v->ntide++] = (pm_logger_tide){i, q, r, heat};
+        if (heat < 0 && part != own) {
+            v->column[i].rubs = v->hides = true;
+        }
         for (int a = 0; a < 3; ++a) {
             for (int b = 0; b < 3; ++b) {
                 v->gyrates[moved[a]][moved[b]] = v->circles[moved[a]][moved[b]] = false;

@@ -145,9 +145,10 @@ typedef struct pm_logger_carrier {
 } pm_logger_carrier;
 
 // Friction between a spin and the motion about a centre of two lengths that store energy together,
-// as tides cause it. A temperature takes up the heat.
+// as tides cause it.
 typedef struct pm_logger_tide {
-    int spin, first, second, heat; // columns
+    int spin, first, second; // columns
+    int heat;                // the temperature that takes up the heat; -1: the surroundings
 } pm_logger_tide;
 
 // A reaction between the amounts of a part.
