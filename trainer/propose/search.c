@@ -367,7 +367,9 @@ static bool is_over(const hypothesis_search *s) {
 // file has no number (id -1).
 static void name_start(const hypothesis_search *s, int id, char *path) {
     char number[NAME_OF_FILE] = "";
-    snprintf(number, sizeof number, id < 0 ? "" : "%d", id);
+    if (id >= 0) {
+        snprintf(number, sizeof number, "%d", id);
+    }
     snprintf(path, PATH_MAX, "%.*s.start%s", (int)pm_path_stem(s->path), s->path, number);
 }
 
