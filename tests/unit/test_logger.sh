@@ -126,7 +126,7 @@ for i in 1 2 3 4; do
     }' >"$folder/coils_$i.csv"
 done
 succeed "u [V]: an input; drives i1; held between samples" propose --budget 0 --data "$folder"/coils_?.csv -o "$folder/coils"
-sed -i 's/iterations: [0-9]*/iterations: 12/' "$folder/coils/training.yaml"
+sed -i 's/iterations: [0-9]*/iterations: 40/' "$folder/coils/training.yaml"
 succeed "Verdict: good" fit "$folder/coils/training.yaml" -o "$folder/coils/weights"
 
 # A mass on a spring, whose damper has a force that grows with the cube of the velocity.

@@ -39,13 +39,20 @@ static inline double pm_logger_bend(const double y[4]) {
     const double bend = (y[1] + y[2] - y[0] - y[3]) / PM_LOGGER_BEND;
     return isfinite(bend) ? bend : 0;
 }
-// Returns the sample `away` samples after j, or NULL where it is not evenly spaced or does not
-// exist.
+// Returns the sample before j (away -1) or after the next one (away 2); NULL where it does not
+// exist, is not evenly spaced, or where a held input jumps on the way, so that the motion has a
+// kink.
 static inline const double *pm_logger_near(const pm_logger_samples *w, int trajectory, int j,
                                            int away) {
+    const pm_logger_view *v = w->view;
     const int k = j + away;
-    return w->view->even && k >= 0 && k < w->view->dataset->ntime ? pm_logger_row(w, trajectory, k)
-                                                                  : NULL;
+    bool smooth = v->even && k >= 0 && k < v->dataset->ntime;
+    for (int u = v->nvariable; u < v->ncolumn && smooth; ++u) {
+        const double now = pm_logger_row(w, trajectory, j)[u];
+        const double other = pm_logger_row(w, trajectory, away < 0 ? k : k - 1)[u];
+        smooth = !v->column[u].held || other == now;
+    }
+    return smooth ? pm_logger_row(w, trajectory, k) : NULL;
 }
 
 // Finds range, mean and deviation of column c. An input is `held` if it mostly stays as it is, or
