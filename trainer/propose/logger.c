@@ -147,7 +147,8 @@ static void name_inputs(const pm_logger_view *v) {
             moves = j == c ? moves : fmax(moves, v->share[j][c]);
         }
         const bool may = column->source != NULL && column->mate < 0 &&
-                         column->unexplained > UNEXPLAINED && driven < DRIVEN && moves > ACTS;
+                         column->kind != PM_LOGGER_AMOUNT && column->unexplained > UNEXPLAINED &&
+                         driven < DRIVEN && moves > ACTS;
         if (may || column->kind == PM_LOGGER_INPUT) {
             snprintf(list + strlen(list), sizeof list - strlen(list), "%s%s",
                      *list == '\0' ? "" : ",", column->source);

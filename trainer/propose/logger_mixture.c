@@ -98,7 +98,7 @@ void pm_logger_write_reaction(pm_logger_writer *w, int k, const char *of, const 
     const int t = v->thermometer[r->part];
     const double T0 = t < 0 ? v->bath : v->column[t].mean;
     char name[PM_LOGGER_TEXT], T[PM_LOGGER_TEXT], total[PM_LOGGER_LONG_TEXT], gas[PM_LOGGER_TEXT];
-    char affinity[PM_LOGGER_LONG_TEXT] = "", product[2 * PM_LOGGER_LONG_TEXT] = "1";
+    char affinity[PM_LOGGER_LONG_TEXT] = "", product[4 * PM_LOGGER_LONG_TEXT] = "1";
     double amount = 0;
     bool some = false;
     snprintf(name, sizeof name, "%.40s_%d", v->part[r->part], k + 1);
