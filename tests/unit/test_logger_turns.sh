@@ -1,6 +1,6 @@
 #!/bin/sh
 # test_logger_turns.sh PORTMET_TRAIN [short]: tables in which velocities turn: a robot on wheels, a flywheel with a crank, a
-# rigid body, a charge in a magnetic field, and a current that carries entropy; a piston, and two carts on springs. Proposals
+# rigid body, a charge in a magnetic field, and a current that carries entropy; a piston, two carts on springs, and a reaction. Proposals
 # find how, and fits to some of them are good. `short` fits the robot alone.
 . "$(dirname "$0")/../support/setting.sh"
 train=$1
@@ -94,5 +94,20 @@ write walls 6 "x1 [m],v1 [m/s],x2 [m],v2 [m/s]" \
      y[2] += h*a; y[4] += h*b; y[1] += h*y[2]; y[3] += h*y[4]"
 succeed "make both one part, or give the distance x1 - x2 as a further column" propose --budget 0 --data "$folder"/walls_?.csv \
     --part left=x1,v1 --part right=x2,v2 -o "$folder/walls"
+
+# A reaction in a solvent, whose product is not there at first; noise of 1e-3 mol and 0.05 K. Its equilibrium depends on the
+# temperature as its heat says.
+write reaction 12 "A [mol],B [mol],T [K]" \
+    "n = 3; y[1] = 0.5 + 1.5*rand(); y[2] = 0; y[3] = 295 + 30*rand()" \
+    "r = 8*exp(3000*(1/310 - 1/y[3]))*(y[1] - y[2]/(3*exp(360.8*(1/y[3] - 1/310))))
+     y[1] -= h*r; y[2] += h*r; y[3] += h*(6*r - 3*(y[3] - 300))"
+for i in 1 2 3 4 5 6 7 8 9 10 11 12; do
+    awk -F, -v seed=$i 'BEGIN { OFS = ","; srand(seed) } NR > 1 {
+        for (c = 2; c <= 4; c++) $c += (c < 4 ? 1e-3 : 0.05)*(rand() + rand() + rand() + rand() - 2)*sqrt(3) } { print }' \
+        "$folder/reaction_$i.csv" >"$folder/noisy_$i.csv"
+done
+succeed "B [mol]: an amount; noise" propose --budget 0 --data "$folder"/noisy_*.csv -o "$folder/reaction"
+grep -q '{"A": 1, "B": -1}, T, ' "$folder/reaction/training.yaml" || fail "propose: expected a reaction"
+succeed "Verdict: good" fit "$folder/reaction/training.yaml" -o "$folder/reaction/weights"
 
 finish

@@ -177,7 +177,8 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
             bool orbits = false;
             for (int k = 0; k < v->ntide; ++k) {
                 orbits = orbits ||
-                         (v->tide[k].heat < 0 && (v->tide[k].first == c || v->tide[k].second == c));
+                         (v->tide[k].heat < 0 && pm_logger_has_tide(v, &v->tide[k], part, part) &&
+                          (v->tide[k].first == c || v->tide[k].second == c));
             }
             exposed = exposed &&
                       (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts || orbits ||
@@ -456,9 +457,9 @@ static void write_part(pm_logger_writer *w, int part) {
         return;
     }
     pm_logger_write_coenergy(w, part);
-    pm_logger_write_mixture(w, part);
+    pm_logger_write_mixture(w, part, false);
     pm_logger_write_energy(w, part);
-    pm_logger_write_formation(w, part);
+    pm_logger_write_mixture(w, part, true);
     for (int c = 0; c < w->v->nvariable; ++c) {
         if (pm_logger_is(w->v, c, part, PM_LOGGER_TEMPERATURE)) {
             fprintf(w->model, "%s%s", some ? ", " : "    entropy: {given: [", w->v->column[c].name);

@@ -101,6 +101,13 @@ void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name,
     }
 }
 
+void pm_logger_shared(pm_logger_writer *w, const char *kind, const char *name, double start) {
+    if (!has_constant(w, kind, name)) {
+        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind, name,
+                fmax(fabs(start), LEAST_CONSTANT));
+    }
+}
+
 const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *name, double start,
                              double size) {
     char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
@@ -124,7 +131,7 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
         fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name,
                 asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)));
     }
-    snprintf(text, PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.76s))", middle, half, kind, name);
+    snprintf(text, 2 * PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.84s))", middle, half, kind, name);
     return text;
 }
 
@@ -1095,10 +1102,8 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
     const double outflow =
         inflow > 0 ? inflow / part : h->inertia * fabs(h->decay) * h->mean / (ROOT * part);
     if (!has_constant(w, "outflow", h->name)) {
-        fprintf(w->list, "      outflow_%s: {learned: %.6g, positive: true, shared: true}\n",
-                h->name, fmax(outflow, LEAST_CONSTANT));
-        fprintf(w->list, "      power_%s: {learned: %.6g, positive: true, shared: true}\n", h->name,
-                ROOT / 2);
+        pm_logger_shared(w, "outflow", h->name, fmax(outflow, 0));
+        pm_logger_shared(w, "power", h->name, ROOT / 2);
         if (shows_no_length(h)) {
             fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
         }

@@ -34,7 +34,7 @@ typedef struct pm_logger_writer {
     size_t body_size;
     FILE *model; // writes to `body`
     int nnumber;
-    char number[PM_LOGGER_NUMBERS][PM_LOGGER_TEXT]; // the last ones that were written
+    char number[PM_LOGGER_NUMBERS][2 * PM_LOGGER_TEXT]; // the last ones that were written
 } pm_logger_writer;
 
 static inline bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
@@ -72,6 +72,9 @@ void pm_logger_end(pm_logger_writer *w, const char *name);
 
 // Adds a positive learned constant "<kind>_<name>" to the model.
 void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start);
+
+// The same, which all models share that have it.
+void pm_logger_shared(pm_logger_writer *w, const char *kind, const char *name, double start);
 
 // Adds a learned constant of either sign, whose size is about `size` in its unit. The constant in
 // the file is a number about 1, since a fit moves it by no more than 1 at once. Returns the text by

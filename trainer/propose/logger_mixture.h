@@ -7,11 +7,10 @@
 
 #include "propose/logger_laws.h"
 
-// Write the part of the co-energy and of the energy that amounts have, as items of a list. The
+// Writes the part of the co-energy, or of the energy, that amounts have, as items of a list. The
 // first one depends on the temperature of the part; without a thermometer the second one has all,
 // at that of the surroundings.
-void pm_logger_write_mixture(pm_logger_writer *w, int part);
-void pm_logger_write_formation(pm_logger_writer *w, int part);
+void pm_logger_write_mixture(pm_logger_writer *w, int part, bool energy);
 
 // Writes reaction k of the view as a pair that heats the temperature of its part, or the
 // surroundings: `of` and `to` stand before the names of amounts and of what takes up the heat.

@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "base/arena.h"
+#include "base/files.h"
 #include "base/path.h"
 #include "data/trained.h"
 #include "fit/fit.h"
@@ -604,6 +605,10 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     s->space = space;
     s->how = how;
     s->path = path;
+    if (space->start != NULL) { // a file of somebody else stays
+        name_start(s, -1, start);
+        PM_TRY_DONE(pm_files_check_output(start, "portmet snapshot"));
+    }
     for (int c = 0; c < space->count; ++c) {
         alternatives += space->choice[c].count - 1;
     }
@@ -637,7 +642,8 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     name_start(s, -1, start);
     // Draws may be better than bad weights.
     const bool good = s->candidate[s->best].last.score.rollout < PM_VERDICT_GOOD;
-    const bool starts = s->candidate[s->best].finalist && good && rename(own, start) == 0;
+    const bool starts =
+        space->start != NULL && s->candidate[s->best].finalist && good && rename(own, start) == 0;
     if (starts) {
         const char *slash = strrchr(start, '/');
         *space->start = slash == NULL ? start : slash + 1;
@@ -651,7 +657,7 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
 done:
     for (int i = 0; i < s->ncandidate; ++i) {
         name_start(s, i, own);
-        (void)(s->candidate[i].finalist && remove(own));
+        (void)(space->start != NULL && s->candidate[i].finalist && remove(own));
     }
     fclose(comment);
     free(text);

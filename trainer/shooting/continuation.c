@@ -41,7 +41,7 @@
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
 // relative noise of the measured ones.
 #define NORMAL_MEDIAN 1.4826022185056018
-// If the first windows cannot be integrated: how often substeps are doubled, how often the distance
+// If windows cannot be integrated: how often substeps are doubled, how often the distance
 // of the weights from their declared values is halved, and how often other starts are drawn.
 #define FEW_FINER 1
 #define MOST_FINER 5
@@ -378,7 +378,7 @@ static bool draw_starts(pm_shooting *s) {
     return finite;
 }
 
-// Takes more substeps, up to `most` doublings, until the first windows can be integrated. Returns
+// Takes more substeps, up to `most` doublings, until all windows can be integrated. Returns
 // whether they can; else the substeps stay as they were.
 static bool refine(pm_shooting *s, pm_continuation_point *p, int substeps, int most) {
     const int before = p->finer;

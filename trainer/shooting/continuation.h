@@ -52,10 +52,10 @@ typedef struct pm_continuation {
 
 // Returns the length of the first windows: twice as many samples as one needs to find a start.
 int pm_continuation_first_length(const pm_shooting *s);
-// Runs the continuation from its first point to its end. If the first windows cannot be integrated
-// it takes more substeps, weights closer to their declared values, other starts of hidden
-// components, and then shorter windows. Windows that cannot be integrated in double length stay as
-// they are. *last, unless it is NULL, receives the last point.
+// Runs the continuation from its first point to its end. If the first windows, or those of
+// more tracks, cannot be integrated it takes more substeps, weights closer to their declared
+// values, other starts of hidden components, and then shorter windows. Windows that cannot be
+// integrated in double length stay as they are. *last, unless it is NULL, receives the last point.
 // Fails as `keep` does. PM_EINTERRUPTED, PM_ENUMERIC, PM_ENOMEM.
 pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuation,
                               pm_continuation_point *last);
