@@ -149,6 +149,10 @@ static void the_data_decide(void **state) {
     assert_int_equal(pm_fit_open(&fit, &arguments, &never), PM_EFILE);
     assert_non_null(strstr(pm_error(), "without the key from of start weights are drawn"));
     pm_fit_close(&fit);
+    // A search does not replace a file of somebody else.
+    pm_hypotheses space = {.write = write_training, .start = &start};
+    assert_int_equal(pm_search_run(&space, &(pm_search_how){.budget = 0}, path, NULL), PM_EFILE);
+    assert_int_equal(remove(file), 0);
 }
 
 // The choice that changes the group with the largest error is asked first: p follows the force of

@@ -1,5 +1,5 @@
 // Laws of amounts of substances that react, and that diffuse between parts. The energy is that of
-// an ideal mixture, and rates follow from its potentials (mass action): forward and backward rates
+// an ideal solution, and rates follow from its potentials (mass action): forward and backward rates
 // are equal in equilibrium, whatever the constants are (Marcelin and de Donder; Feinberg, Chem.
 // Eng. Sci. 29, 1974).
 #ifndef PM_TRAINER_PROPOSE_LOGGER_MIXTURE_H
