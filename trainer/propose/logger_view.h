@@ -24,7 +24,7 @@
 #define PM_LOGGER_COLDEST 200.0   // K, of surroundings
 #define PM_LOGGER_HOTTEST 400.0
 #define PM_LOGGER_TURN 6.283 // rad
-// Of the changes: a position of another part that explains less has no spring.
+// A position of another part has no spring if it explains less than this part of the changes.
 #define PM_LOGGER_SPRINGS 2e-3
 
 typedef enum pm_logger_kind {
