@@ -131,6 +131,21 @@ class Scenes(unittest.TestCase):
             portmet.Scene("nowhere.yaml")
         self.assertEqual(caught.exception.code, 4)
 
+    def test_every_failure_is_an_error(self):
+        scene = portmet.Scene("configs/driven_lower.yaml")
+        for code, fails in ((2, lambda: portmet.Scene()), (2, lambda: scene.restart("start")),
+                            (2, lambda: scene.set_input("hand.dE/dq", [1, 2, 3])),
+                            (2, lambda: portmet.Listener("udpm://239.255.76.67:many")), (2, lambda: portmet.Listener(channels="[")),
+                            (7, lambda: portmet.Listener("udpm://192.0.2.1:7667")),
+                            (4, lambda: portmet.Dataset("nowhere.h5")),
+                            (4, lambda: portmet.Recording("README.md")), (4, lambda: portmet.Weights("README.md")),
+                            (4, lambda: portmet.Recording("configs/weights/driven_lower/link.h5")),
+                            (4, lambda: portmet.Weights("configs/reference/driven_lower.h5")),
+                            (4, lambda: portmet.Dataset("configs/weights/driven_lower/link.h5"))):
+            with self.assertRaises(portmet.Error) as caught:
+                fails()
+            self.assertEqual(caught.exception.code, code, caught.exception)
+
     def test_a_failed_step_is_not_taken(self):
         scene, plain = portmet.Scene("configs/driven_lower.yaml"), portmet.Scene("configs/driven_lower.yaml")
         scene.step(3)

@@ -1,6 +1,7 @@
 """The HDF5 files of portmet as objects: datasets, recordings and weights."""
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import typing
@@ -8,13 +9,25 @@ import typing
 import h5py
 import numpy
 
-from ._library import UnknownName, UsageError
+from ._library import Error, UnknownName, UsageError
 
 if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike, NDArray
     Numbers = NDArray[numpy.float64]
     Path = typing.Union[str, os.PathLike[str]]
+
+
+@contextlib.contextmanager
+def _open(path: Path, what: str, mode: str = "r") -> typing.Iterator[typing.Any]:
+    """Opens an HDF5 file, and says in an Error if it cannot be read or written, or is of another kind."""
+    try:
+        with h5py.File(path, mode) as f:
+            yield f
+    except OSError as error:
+        raise Error(4, f"{os.fspath(path)}: {error}") from None
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise Error(4, f"{os.fspath(path)}: this is not {what}: {error}") from None
 
 
 def _text(value: typing.Any) -> str:
@@ -46,7 +59,7 @@ class Dataset:
             self.t: Numbers = numpy.arange(self.z.shape[1]) * self.dt
             self.notes = dict(notes)
             return
-        with h5py.File(path, "r") as f:
+        with _open(path, "a dataset") as f:
             self.z, self.t, self.dt = f["z"][:], f["t"][:], float(f["dt"][()])
             self.zdot = f["zdot"][:] if "zdot" in f else None
             notes = {name: _text(value) for name, value in f.attrs.items()}
@@ -76,7 +89,7 @@ class Dataset:
         """Writes the dataset, for `fit`, `evaluate` or a scene's reference."""
         if self.z.shape[2] != len(self.columns):
             raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
-        with h5py.File(path, "w") as f:
+        with _open(path, "a dataset", "w") as f:
             f["z"], f["t"], f["dt"] = self.z, self.t, self.dt
             if self.zdot is not None:
                 f["zdot"] = self.zdot
@@ -114,7 +127,7 @@ class Recording:
     def __init__(self, path: Path) -> None:
         self.series: dict[str, Numbers] = {}
         self.units: dict[str, str] = {}
-        with h5py.File(path, "r") as f:
+        with _open(path, "a recording") as f:
             count = int(f.attrs["committed"])  # a killed run leaves more rows in some series
             self.scene = _text(f.attrs["scene"])
             self.time: Numbers = f["time"][:count]
@@ -204,7 +217,7 @@ class Weights:
     layout: list[typing.Any]
 
     def __init__(self, path: Path) -> None:
-        with h5py.File(path, "r") as f:
+        with _open(path, "a weights file") as f:
             self.made = {name: _text(v) if isinstance(v, (bytes, str)) else v for name, v in f.attrs.items()}
             self.kind, self.model = self.made.pop("kind"), self.made.pop("model")
             self.parameters: dict[str, Numbers] = {name: data[:] for name, data in f.get("parameters", {}).items()}

@@ -9,7 +9,7 @@ import time
 import typing
 import urllib.parse
 
-from ._library import UsageError
+from ._library import Error, UsageError
 
 ONE_PIECE, FRAGMENT = 0x4C433032, 0x4C433033  # "LC02" and "LC03": LCM's two kinds of datagram
 LARGEST_PIECE = 65487  # bytes of a datagram's payload
@@ -36,17 +36,23 @@ class Listener:
 
     def __init__(self, url: str = "udpm://239.255.76.67:7667?ttl=0", channels: str = ".*",
                  timeout: float | None = None) -> None:
-        parts = urllib.parse.urlsplit(url)
+        try:
+            parts = urllib.parse.urlsplit(url)
+            ttl = int(urllib.parse.parse_qs(parts.query).get("ttl", ["0"])[0])
+            self._group = (parts.hostname or "239.255.76.67", parts.port or 7667)
+            self._wanted = re.compile(channels)
+        except (ValueError, re.error) as error:
+            raise UsageError(f"{url}, channels {channels}: {error}") from None
         if parts.scheme != "udpm":
             raise UsageError(f"{url}: expected udpm://GROUP:PORT")
-        ttl = int(urllib.parse.parse_qs(parts.query).get("ttl", ["0"])[0])
-        self._group = (parts.hostname or "239.255.76.67", parts.port or 7667)
-        self._wanted = re.compile(channels)
         self._types = _types()
         self._unfinished, self._kept = {}, 0  # messages with missing pieces, and their bytes
         self._number = 0
         self.timeout = timeout
-        self._socket = self._open(ttl)
+        try:
+            self._socket = self._open(ttl)
+        except OSError as error:
+            raise Error(7, f"{url}: {error}") from None
 
     def _open(self, ttl: int) -> socket.socket:
         s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

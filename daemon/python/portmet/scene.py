@@ -162,7 +162,7 @@ class Scene:
     def __init__(self, path: str | os.PathLike[str] | None = None, *, text: str | None = None,
                  weights: str | os.PathLike[str] | None = None, compiled: bool = False) -> None:
         if (path is None) == (text is None):
-            raise TypeError("a scene needs either a path or a text")
+            raise c.UsageError("a scene needs either a path or a text")
         # copy() opens the same files, also from another working directory.
         place = os.path.abspath("text.yaml" if path is None else os.fspath(path))
         self._source = place, text, None if weights is None else os.path.abspath(os.fspath(weights)), compiled
@@ -291,7 +291,10 @@ class Scene:
         return self
 
     def _whole_state(self, state: ArrayLike) -> Numbers:
-        z = numpy.ascontiguousarray(state, dtype=float)
+        try:
+            z = numpy.ascontiguousarray(state, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise c.UsageError(f"a state: {error}") from None
         if z.shape != self.state.shape:
             raise c.UsageError(f"a state of {z.shape}, expected {self.state.shape}")
         return z
@@ -299,7 +302,11 @@ class Scene:
     def set_input(self, name: str, value: ArrayLike) -> None:
         """Prescribes the input of this name (input_names), or all components of a group ("hand.f"),
         from the next step on. NaN gives it back to the scene."""
-        self.inputs[self.input_columns(name)] = value
+        columns = self.input_columns(name)
+        try:
+            self.inputs[columns] = value
+        except (TypeError, ValueError) as error:
+            raise c.UsageError(f"input {name}: {error}") from None
 
     def input_columns(self, name: str) -> list[int]:
         """Returns the positions in `inputs` of the input of this name, or of a group's components."""
