@@ -196,13 +196,15 @@ static void write_lines(emission *e, FILE *file, const char *const *line, int co
 }
 
 // Writes a text to the file `path`; NULL: to standard output. The text is about process i alone, or
-// if i is -1, about the processes of `host`; NULL: of all hosts.
+// if i is -1, about the processes of `host`; NULL: of all hosts. A file that begins in another way
+// than such a text is kept.
 static pm_status write_text(emission *e, const char *path, const char *const *line, int i,
                             const char *host) {
     const int nprocess = e->scene->network.nprocess;
+    const char *begin = pm_arena_printf(&e->arena, "%.*s", (int)strcspn(*line, "%"), *line);
     PM_TRY(pm_arena_status(&e->arena, "the texts of scene %s", e->scene->name));
     FILE *file = stdout;
-    PM_TRY(path == NULL ? PM_OK : pm_files_create(&file, path, NULL));
+    PM_TRY(path == NULL ? PM_OK : pm_files_create(&file, path, begin));
     if (i >= 0) {
         write_lines(e, file, line, INT_MAX, i, host);
     }

@@ -49,6 +49,14 @@ static void note(const char *path, bool written) {
     pthread_mutex_unlock(&lock);
 }
 
+pm_status pm_files_check_input(const char *path) {
+    struct stat facts;
+    const bool special =
+        stat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
+    return special ? pm_fail(PM_EFILE, "%s: this is not a regular file, and is not read", path)
+                   : PM_OK;
+}
+
 void pm_files_note_input(const char *path) {
     note(path, false);
 }

@@ -8,6 +8,9 @@
 
 #include "base/status.h"
 
+// PM_EFILE: there is something at `path` that is neither a file nor a folder, such as a pipe, for
+// which a reader might wait without end.
+pm_status pm_files_check_input(const char *path);
 // Notes that the program reads this file, unless it has written the file itself.
 void pm_files_note_input(const char *path);
 // Notes that the program has written this file, so that it may read and write it again.

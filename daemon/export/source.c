@@ -21,6 +21,8 @@
 #include "model/training_range.h"
 
 #define MOST_ARGUMENTS 6
+// How every exported file begins.
+#define EXPORTED "// SPDX-License-Identifier: MIT\n// The scene "
 
 // The texts, which the build embeds as arrays of lines that end with NULL.
 extern const char *const pm_export_source_text[];
@@ -588,7 +590,7 @@ static pm_status write_file(scene_writer *w, const char *folder, const char *suf
     const char *path = pm_arena_printf(&w->arena, "%s/%s%s", folder, w->scene->name, suffix);
     PM_TRY(pm_arena_status(&w->arena, "a source file"));
     FILE *file = NULL;
-    PM_TRY(pm_files_create(&file, path, NULL));
+    PM_TRY(pm_files_create(&file, path, EXPORTED));
     pm_template_write(file, text, INT_MAX, nvalue, value);
     const bool bad = ferror(file) != 0;
     if (fclose(file) != 0 || bad) {

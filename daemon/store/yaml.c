@@ -624,6 +624,7 @@ pm_status pm_yaml_parse(pm_yaml_document **document, const char *text, const cha
 }
 
 pm_status pm_yaml_open(pm_yaml_document **document, const char *path, pm_yaml *root) {
+    PM_TRY(pm_files_check_input(path));
     FILE *file = fopen(path, "rb");
     if (file == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot open: %s", path, strerror(errno));

@@ -35,6 +35,11 @@ mkfifo "$folder/pipe"
 program=$train
 expect 4 "pipe: this is not a regular file" truth "$folder/truth.yaml" -o "$folder/pipe"
 
+# A reader does not wait for what somebody might write to a pipe.
+expect 4 "pipe: this is not a regular file" truth "$folder/pipe" -o "$folder/new.h5"
+expect 4 "pipe: this is not a regular file" import "$folder/pipe" -o "$folder/new.h5"
+expect 4 "pipe: this is not a regular file" picture "$folder/pipe" -o "$folder/new.png"
+
 # A table is an input, too, whichever program reads it.
 printf 't,q\n0,1\n1,2\n2,3\n' >"$folder/table.csv"
 refuse "$folder/table.csv" import "$folder/table.csv" -o "$folder/table.csv"
@@ -53,6 +58,10 @@ keep truth "$folder/truth.yaml" -o
 keep propose "$scene" --data "$data" -o
 program=$portmetd
 keep export "$scene" -o
+keep emit procman "$scene" -o
+mkdir "$folder/code"
+cp "$folder/letter" "$folder/code/pair.h"
+expect 4 "pair.h: this file exists and is of another kind" export "$scene" --c "$folder/code"
 program=$train
 
 # What the program has written it may read and write again.
@@ -72,6 +81,10 @@ grep -h 'h5\|^scene: ".*yaml' "$folder/study/drafts/pair.yaml" "$folder"/study/d
     sed 's/.*\(scene\|file\): "\([^"]*\)".*/\2/' | sort | uniq | tr '\n' ' ' >"$folder/named"
 grep -qx '../reference.h5 ../scene.yaml data.h5 scene.yaml ' "$folder/named" || fail "propose names $(cat "$folder/named")"
 mv "$folder/study" "$folder/moved"
+mkdir "$folder/taken"
+cp "$folder/letter" "$folder/taken/fit.csv"
+"$train" fit "$folder/moved/drafts/pendulum/training.yaml" -o "$folder/taken" >"$folder/out" 2>&1
+[ $? -eq 4 ] && cmp -s "$folder/letter" "$folder/taken/fit.csv" || fail "fit replaces a letter"
 "$train" fit "$folder/moved/drafts/pendulum/training.yaml" -o "$folder/weights" >"$folder/fitted" 2>&1 ||
     fail "fit of a moved proposal: $(tail -n 3 "$folder/fitted")"
 finish

@@ -30,6 +30,7 @@ pm_status pm_tables_import(int count, const char *const *table, const char *outp
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&arena, "tables"));
     for (int i = 0; i < count; ++i) {
+        PM_TRY_DONE(pm_files_check_input(table[i]));
         pm_files_note_input(table[i]);
     }
     PM_TRY_DONE(pm_files_check_output(output, PM_FILES_HDF5));

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/digest.h"
+#include "base/files.h"
 #include "base/options.h"
 #include "data/trained.h"
 #include "fit/normalization.h"
@@ -22,6 +23,7 @@
 
 // The number of completed iterations before the initial weights are chosen.
 #define NO_START -1
+#define CURVES "stage,optimiser,iteration,seconds,loss,validation" // first line of fit.csv
 
 // Draws the first weights into theta, and fixes the normalisation.
 static pm_status initialise(pm_fit *f) {
@@ -152,13 +154,14 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
                            ? pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output)
                            : "/dev/null";
     PM_TRY(pm_arena_status(&f->arena, "a path"));
+    PM_TRY(pm_files_check_output(path, pm_team_leads(f->arguments->team) ? CURVES : NULL));
     const bool further = f->arguments->resume && access(path, F_OK) == 0;
     f->curves = fopen(path, further ? "a" : "w");
     if (f->curves == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be written", path);
     }
     if (!further) {
-        fprintf(f->curves, "stage,optimiser,iteration,seconds,loss,validation\n");
+        fprintf(f->curves, CURVES "\n");
     }
     return PM_OK;
 }

@@ -116,6 +116,9 @@ def draw(*words):
     script = os.path.splitext(how.output)[0] + ".gp"
     if script == how.output:
         raise Refused(USAGE, f"{script}: the script of the picture has this name; choose another one")
+    for field in how.field + how.beside:
+        if os.path.exists(field) and not os.path.isfile(field):
+            raise Refused(FILE, f"{field}: this is not a regular file, and is not read")
     for path in script, how.output:
         if any(os.path.exists(path) and os.path.samefile(path, field) for field in how.field + how.beside):
             raise Refused(USAGE, f"{path}: the picture or its script would replace this file; choose another name")
