@@ -256,14 +256,14 @@ static void expose_iterate(const pm_model *m, pm_data *d, const pm_subsystem_gro
 }
 
 // Computes the next iterate of a subsystem. Returns its change: that of the group of variables that
-// changes most, relative to the length of the group. *moves says whether the iterate is another
-// one.
+// changes most, relative to the length of the group, and infinite where a number is not finite.
+// *moves says whether the iterate is another one.
 static double iterate(const pm_model *m, pm_data *d, const pm_subsystem_group *group, bool *moves) {
     double *next = d->scratch, *difference = next + m->most_nz;
     double *iterate = d->stage_z + group->first, change = 0;
     *moves = group->kind->iterate(m, d, group, next);
     if (!*moves) {
-        return 0;
+        return isfinite(d->E[group->first_lane]) ? 0 : INFINITY;
     }
     for (int c = 0; c < group->nz; ++c) {
         difference[c] = next[c] - iterate[c];
@@ -273,7 +273,8 @@ static double iterate(const pm_model *m, pm_data *d, const pm_subsystem_group *g
         const pm_group *variables = &group->part->layout.group[i];
         const double size =
             fmax(length_of(variables, d->z + group->first), length_of(variables, iterate));
-        change = fmax(change, size > 0 ? length_of(variables, difference) / size : 0);
+        const double part = size > 0 ? length_of(variables, difference) / size : 0;
+        change = isnan(part) ? INFINITY : fmax(change, part);
     }
     return group->kind->change == NULL ? change : group->kind->change(group, change);
 }

@@ -259,13 +259,40 @@ static void test_recording(void **state) {
     unlink(path);
 }
 
+// The iteration of a long step ends in values that are not finite. It has not converged, and the
+// step is divided.
+static void test_an_iteration_may_overflow(void **state) {
+    (void)state;
+    static const char text[] =
+        "scene: quartic\n"
+        "time: {dt: 0.5, steps: 5, integrator: discrete_gradient}\n"
+        "models:\n"
+        "  mass: {energy: \"|p|^2/2\"}\n"
+        "  spring: {energy: \"10*|q|^4\"}\n"
+        "  joint: {law: bracket, reversible: {given: [[a.p, b.q, 1.0]]}}\n"
+        "subsystems:\n"
+        "  mass: {model: mass, state: {p: {unit: kg m/s, size: 1}}, initial: {p: 0.5}}\n"
+        "  spring: {model: spring, state: {q: {unit: m, size: 1}}, initial: {q: 1.0}}\n"
+        "ports:\n"
+        "  joint: {law: bracket, between: [mass, spring], model: joint, "
+        "expose: {mass: p, spring: q}}\n";
+    portmet_scene *scene = NULL;
+    if (portmet_scene_parse(&scene, text, "quartic.yaml", NULL) != PORTMET_OK ||
+        portmet_scene_step(scene, 5) != PORTMET_OK) {
+        fail_msg("%s", portmet_error());
+    }
+    const double *ledger = portmet_scene_array(scene, PORTMET_LEDGER, NULL);
+    assert_true(ledger[PORTMET_ENERGY_DRIFT] < 1e-11 && ledger[PORTMET_VIOLATIONS] == 0);
+    portmet_scene_close(scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_names),     cmocka_unit_test(test_arrays_follow),
         cmocka_unit_test(test_same_bits), cmocka_unit_test(test_inputs),
         cmocka_unit_test(test_failures),  cmocka_unit_test(test_held_beyond_the_trajectory),
         cmocka_unit_test(test_recording), cmocka_unit_test(test_refusals),
-        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_full_disk), cmocka_unit_test(test_an_iteration_may_overflow),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
