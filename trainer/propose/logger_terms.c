@@ -11,6 +11,8 @@
 #define RIDGE 1e-9  // of the diagonal of the normal equations
 #define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
+#define LONG_WINDOWS 4  // of a trajectory
+#define MOSTLY 0.5      // of what other terms leave in long windows: a loss heats a temperature
 #define LARGE_PART 0.25 // likewise: inertias depend on positions if that explains so much
 #define SMALL_ANGLE 1.2 // rad
 #define ORBITS 0.15     // of the largest distance: an orbit comes no nearer to its centre
@@ -55,6 +57,7 @@ typedef struct regressor {
 
 typedef struct term_list {
     int count;
+    int length; // samples of a window; 0: as noise asks
     regressor item[MOST];
 } term_list;
 
@@ -162,7 +165,8 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
                           equations *learn) {
     const pm_logger_view *v = w->view;
     const pm_dataset *d = v->dataset;
-    const int length = pm_logger_window(w, target), base = all ? 1 + v->ncolumn : 0;
+    const int length = list->length > 0 ? list->length : pm_logger_window(w, target);
+    const int base = all ? 1 + v->ncolumn : 0;
     equations *judge = learn + 1;
     memset(learn, 0, 2 * sizeof *learn);
     learn->n = judge->n = base + list->count;
@@ -890,6 +894,20 @@ static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
     }
 }
 
+// Adds how a gas with temperature t cools as it expands, beside the columns.
+static void add_expansion(const pm_logger_view *v, term_list *list, int t) {
+    static const atom_kind power[] = {ONE, VALUE, SQUARE};
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int k = 0; k < 6 && v->expands[q][t] && list->count < MOST; ++k) {
+            const atom heat = {.column = t, .kind = k < 3 ? VALUE : ONE};
+            list->item[list->count] = (regressor){{{.column = v->column[q].mate, .kind = VALUE},
+                                                   {.column = q, .kind = power[k % 3]},
+                                                   heat}};
+            list->count += k != 3; // the column itself
+        }
+    }
+}
+
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
@@ -1061,11 +1079,20 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             if (v->column[t].kind == PM_LOGGER_TEMPERATURE &&
                 pm_logger_meets(v, y->part, v->column[t].part)) {
                 term_list heat = {0};
-                double x[MOST] = {0};
+                double x[MOST] = {0}, gain[2], rest = 0; // of short and of long windows
+                add_expansion(v, &heat, t);
+                const int known = heat.count;
                 add_term(&heat, i, SIZE, i, SIZE);
-                const double gain = gain_of(w, t, &heat, 0, work, x), rise = x[work->n - 1];
+                // Heat is never taken back, so that long windows show it best.
+                for (int k = 1; k >= 0; --k) {
+                    heat.length = k == 1 ? v->dataset->ntime / LONG_WINDOWS : 0;
+                    gain[k] = gain_of(w, t, &heat, known, work, x);
+                    rest = k == 1 ? work->rest : rest;
+                }
+                const double rise = x[work->n - 1];
                 // A loss heats the thermometer of its part even if little of it is seen there.
-                const bool seen = rise > 0 && gain > GAINS, hidden = y->source == NULL;
+                const bool seen = rise > 0 && (gain[0] > GAINS || gain[1] > MOSTLY * rest);
+                const bool hidden = y->source == NULL;
                 v->warms[i][t] = seen || ((rise > 0 || hidden) && t == v->thermometer[y->part]);
                 if ((seen || (hidden && v->warms[i][t])) && v->column[t].free_scale) {
                     // The power of the loss gives the scale of all capacities.

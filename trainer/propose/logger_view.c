@@ -728,9 +728,11 @@ static double rate_of(const pm_logger_view *view, int q, int v) {
     return own ? c->ratio : view->moves[q][v];
 }
 
-// Returns how variable j changes i if it does so beside all others, 0 otherwise.
+// Returns how variable j changes i if it does so beside all others, 0 otherwise. What i changes
+// clearly may change i faintly, since both go through the same entry of L.
 static double answer(const pm_logger_view *view, int i, int j) {
-    return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
+    const double least = view->share[j][i] > COUPLED ? FAINT : COUPLED;
+    return view->share[i][j] > least ? view->coupling[i][j] : 0;
 }
 
 // Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
