@@ -28,6 +28,7 @@
 #define BETTER 0.85
 #define MUCH_BETTER 0.6
 #define NOISE_ALONE 1.25
+#define NOTHING 0.5 // of the deviation: an error that predicts hardly anything
 #define ENOUGH 5e-3
 #define MOST_TRIALS 64
 // Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
@@ -239,9 +240,9 @@ static pm_status try_guesses(hidden_search *s, int from) {
     const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
-        // Errors as large as the deviation tell no guess from another.
+        // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
-                     other = isfinite(so_far) ? fmin(so_far, 1) : so_far;
+                     other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
         if (error < (s->best < from ? better : 1) * other) {
             s->best = i;
         }

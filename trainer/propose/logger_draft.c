@@ -262,19 +262,6 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     fprintf(f, ", relative_to: %s.%s", v->part[base->part], base->name);
                 }
                 fputs("}\n", f);
-                if (column->feeds) {
-                    fprintf(f,
-                            "      z_%s: {unit: m^3, hidden: true}   # gives the energy of fluid "
-                            "that falls into another part\n",
-                            column->name);
-                }
-                if (column->rubs) {
-                    fprintf(
-                        f,
-                        "      s_%s: {unit: J/K, hidden: true}   # the heat of friction against "
-                        "another part\n",
-                        column->name);
-                }
             } else {
                 fputs(", hidden: {", f);
                 if (column->behind >= 0) {
@@ -282,6 +269,18 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 }
                 fprintf(f, "deviation: %.3g}}   # nobody measures it\n",
                         fmax(column->deviation, LEAST_START));
+            }
+            if (column->feeds) {
+                fprintf(f,
+                        "      z_%s: {unit: m^3, hidden: true}   # gives the energy of fluid "
+                        "that falls into another part\n",
+                        column->name);
+            }
+            if (column->rubs) {
+                fprintf(f,
+                        "      s_%s: {unit: J/K, hidden: true}   # the heat of friction against "
+                        "another part\n",
+                        column->name);
             }
         }
         surroundings = surroundings || loses(v, i);

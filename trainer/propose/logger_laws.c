@@ -31,6 +31,7 @@
 // else become large outside of the data.
 #define MOST_BEND 3
 #define MOST_THERMAL 1
+#define MOST_WARMING 6 // power of a temperature
 #define LEVER_TEXT (4 * PM_LOGGER_LONG_TEXT)
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
@@ -842,8 +843,8 @@ static void write_opening(pm_logger_writer *w, const char *name, const pm_logger
 
 // Writes a pair that conducts heat between two temperatures, or a temperature and a bath: x and y
 // are the names of the groups with their prefixes, dx and dy those of their co-energies. The
-// conductance is the sum of a constant, of that of radiation, and of that of natural convection,
-// a power of the difference of the temperatures.
+// conductance is the sum of a power of the temperature, as metals and insulators have, of that of
+// radiation, and of that of natural convection, a power of the difference of the temperatures.
 void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const char *x, const char *y,
                                 const char *dx, const char *dy, double start,
                                 const pm_logger_column *opening) {
@@ -851,6 +852,8 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
     pm_logger_constant(w, "conductance", name, start);
     fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
     if (w->chosen[PM_LOGGER_CONDUCTION] == RADIATION) {
+        fprintf(w->model, "*exp(%s*ln((%s + %s)/%.6g))",
+                logarithm(w, "warming", name, MOST_WARMING), dx, dy, 2 * T0);
         pm_logger_constant(w, "radiation", name, SMALL * fabs(start));
         fprintf(w->model, " + radiation_%s*(%s + %s)*(%s^2 + %s^2)/%.6g", name, dx, dy, dx, dy,
                 4 * T0 * T0 * T0);
@@ -1000,16 +1003,18 @@ static const pm_logger_column *write_speed(const pm_logger_writer *w, int c, con
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to) {
     char x[4 * PM_LOGGER_TEXT] = "", name[PM_LOGGER_TEXT];
     const pm_logger_column *y = write_speed(w, c, of, x, sizeof x);
-    const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
+    const double all = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
+    double start = all;
     snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
              t < 0 ? "" : w->v->column[t].name);
     fprintf(w->model, "[%s%s, %s%s, \"", of, w->v->column[c].name, to,
             t < 0 ? "s" : w->v->column[t].name);
     // Friction that does not heat a thermometer takes its law from the part that does, but for a
-    // constant.
+    // constant, which begins small: what heat it takes from there does not come back.
     pm_logger_column law = *y;
     for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
         law.damped = law.damped && !w->v->warms[c][k];
+        start = fmin(start, w->v->warms[c][k] ? SMALL * all : all);
     }
     pm_logger_write_resistance(w, name, x, &law, NULL, start, NULL);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {

@@ -216,7 +216,7 @@ pm_status pm_logger_find_reactions(pm_logger_samples *w) {
             amount += v->column[own[i]].mean;
         }
         const int t = v->thermometer[part];
-        if (n > 0 && t >= 0 && v->column[t].free_scale && amount > 0) {
+        if (n > 0 && t >= 0 && pm_logger_heat_is_free(v) && amount > 0) {
             pm_logger_scale_heat(v, HELD_CAPACITY * PM_LOGGER_GAS * amount / v->column[t].inertia);
         }
     }

@@ -1094,7 +1094,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 const bool seen = rise > 0 && (gain[0] > GAINS || gain[1] > MOSTLY * rest);
                 const bool hidden = y->source == NULL;
                 v->warms[i][t] = seen || ((rise > 0 || hidden) && t == v->thermometer[y->part]);
-                if ((seen || (hidden && v->warms[i][t])) && v->column[t].free_scale) {
+                if ((seen || (hidden && v->warms[i][t])) && pm_logger_heat_is_free(v)) {
                     // The power of the loss gives the scale of all capacities.
                     const double size = fmax(fabs(y->least), fabs(y->largest));
                     const double power = y->inertia * fmax(y->decay, 0) * size * size;

@@ -498,7 +498,9 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
             }
             continue;
         }
+        // A tank holds no less than nothing; a head of a fluid may change its sign.
         const bool length = has_unit(column, "m");
+        const bool tank = length && column->least > -CLEAR * column->noise;
         if (is_amount(column)) {
             column->kind = PM_LOGGER_AMOUNT;
             column->guess = PM_LOGGER_COMPLETE;
@@ -529,7 +531,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         }
         column->guess = guess;
         column->kind = has_unit(column, "K") ? PM_LOGGER_TEMPERATURE
-                       : length              ? PM_LOGGER_LEVEL
+                       : tank                ? PM_LOGGER_LEVEL
                                              : PM_LOGGER_FLOW;
         if (guess != PM_LOGGER_COMPLETE && view->ncolumn < PM_LOGGER_COLUMNS) {
             add_guess(w, c, guess);
@@ -586,8 +588,7 @@ static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger
                : has_unit(input, "K") ? PM_LOGGER_BATH
                                       : PM_LOGGER_WARMS;
     }
-    return pm_unit_equal(&power, &watt) ||
-                   (target->kind == PM_LOGGER_LEVEL && has_unit(input, "m^3/s"))
+    return pm_unit_equal(&power, &watt) || (has_unit(target, "m") && has_unit(input, "m^3/s"))
                ? PM_LOGGER_DRIVES
            : target->kind == PM_LOGGER_FLOW && input->dimension.known &&
                    pm_unit_equal(&input->dimension, &target->dimension) &&
@@ -742,7 +743,7 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     const pm_logger_column *T = &view->column[t];
     const double moved = T->inertia * fabs(cools / (T->mean * pushes));
     const double ratio = moved / view->column[i].inertia;
-    const bool heat = T->free_scale;
+    const bool heat = pm_logger_heat_is_free(view);
     if (!heat && !view->column[i].free_scale) {
         return;
     }

@@ -234,6 +234,17 @@ static inline bool pm_logger_has_tide(const pm_logger_view *view, const pm_logge
     return (spin == one && orbit == other) || (spin == other && orbit == one);
 }
 
+// Returns true if nothing shows yet how large heat capacities are: that of one temperature, to
+// which those of others are relative, is the unit.
+static inline bool pm_logger_heat_is_free(const pm_logger_view *view) {
+    bool free = false;
+    for (int k = 0; k < view->nvariable; ++k) {
+        const pm_logger_column *c = &view->column[k];
+        free = free || (c->kind == PM_LOGGER_TEMPERATURE && c->free_scale);
+    }
+    return free;
+}
+
 // Multiplies the heat capacities of all temperatures, whose scale is known from then on, and what
 // acts on them.
 static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
@@ -271,13 +282,15 @@ static inline const pm_logger_column *pm_logger_base(const pm_logger_view *view,
     return base;
 }
 
-// Returns true if a spring between two positions of two parts moves one of their velocities.
+// Returns true if a spring between two positions of two parts moves one of their velocities. A
+// position whose rate has the velocity of the other one is a distance already.
 static inline bool pm_logger_is_linked(const pm_logger_view *view, int q, int p) {
     const pm_logger_column *a = &view->column[q], *b = &view->column[p];
     return a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION && a->part != b->part &&
            a->source != NULL && b->source != NULL && !a->guided && !b->guided &&
            view->column[a->mate].part == a->part && view->column[b->mate].part == b->part &&
-           pm_unit_equal(&a->dimension, &b->dimension) &&
+           pm_unit_equal(&a->dimension, &b->dimension) && view->moves[q][b->mate] == 0 &&
+           view->moves[p][a->mate] == 0 &&
            fmax(view->share[a->mate][p], view->share[b->mate][q]) > PM_LOGGER_SPRINGS;
 }
 
