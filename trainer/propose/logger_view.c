@@ -729,11 +729,15 @@ static double rate_of(const pm_logger_view *view, int q, int v) {
     return own ? c->ratio : view->moves[q][v];
 }
 
-// Returns how variable j changes i if it does so beside all others, 0 otherwise. What i changes
-// clearly may change i faintly, since both go through the same entry of L.
+// Returns how variable j changes i if it does so beside all others, 0 otherwise.
 static double answer(const pm_logger_view *view, int i, int j) {
-    const double least = view->share[j][i] > COUPLED ? FAINT : COUPLED;
-    return view->share[i][j] > least ? view->coupling[i][j] : 0;
+    return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
+}
+
+// Returns how temperature t moves flow i. One that the flow changes clearly may move it faintly,
+// since both go through the same entry of L.
+static double push(const pm_logger_view *view, int i, int t) {
+    return answer(view, t, i) != 0 && view->share[i][t] > FAINT ? view->coupling[i][t] : 0;
 }
 
 // Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
@@ -762,7 +766,7 @@ static void find_exchange(pm_logger_view *view) {
     for (int i = 0; i < view->nvariable; ++i) {
         for (int a = 0; a < view->nvariable && view->column[i].kind == PM_LOGGER_FLOW; ++a) {
             for (int b = 0; b < view->nvariable; ++b) {
-                const double to = answer(view, i, a), from = answer(view, i, b);
+                const double to = push(view, i, a), from = push(view, i, b);
                 const pm_logger_carrier c = {i, a, b, to * view->column[i].inertia};
                 const int one = view->column[a].part, own = view->column[i].part;
                 const int other = view->column[b].part != one ? view->column[b].part : own;
