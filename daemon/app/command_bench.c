@@ -445,6 +445,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     PM_TRY_DONE(pm_prepare(&b.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(b.base.scene->path, &b.text));
+    PM_TRY_DONE(pm_scene_text_check(b.text, options->write, options->weights));
     const pm_physics *physics = &b.base.scene->physics;
     const int rounds = physics->substeps * physics->integrator->nstage;
     b.nstart = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1, TRAJECTORIES, STARTS, 0,

@@ -285,6 +285,7 @@ static pm_status execute(const pm_run_options *options) {
     pm_status status;
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
+    PM_TRY_DONE(pm_scene_text_check(t.text, options->write, options->weights));
     const pm_physics *physics = &t.base.scene->physics;
     pm_stepping own = {physics->integrator, physics->substeps, physics->tolerance, physics->dt,
                        t.base.scene->run.steps};

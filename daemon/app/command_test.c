@@ -872,6 +872,7 @@ static pm_status execute(const pm_run_options *options) {
     }
     if (options->processes) {
         PM_TRY_DONE(pm_scene_text_read(scene->path, &a.text));
+        PM_TRY_DONE(pm_scene_text_check(a.text, options->write, options->weights));
         status = bench_processes(&a);
         goto done;
     }

@@ -72,24 +72,30 @@ pm_status pm_scene_text_put_time(char **text, const pm_stepping *s) {
     return pm_scene_text_put(text, "time", value);
 }
 
-pm_status pm_scene_text_write(const char *text, const char *path, const char *weights) {
+pm_status pm_scene_text_check(const char *text, const char *path, const char *weights) {
     pm_scene *scene = NULL;
     pm_system *system = NULL;
-    FILE *file = NULL;
     pm_status status;
+    if (path == NULL) {
+        return PM_OK;
+    }
     PM_TRY_DONE(pm_scene_parse(&scene, text, path));
     status = pm_system_load(&system, scene, weights);
     if (status != PM_OK) {
-        PM_TRY_DONE(pm_fail(status, "%s: a scene in another folder does not find its files: %.300s",
-                            path, pm_error()));
-    }
-    PM_TRY_DONE(pm_files_create(&file, path, NULL));
-    const bool written = fputs(text, file) >= 0;
-    if (fclose(file) != 0 || !written) {
-        status = pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+        status = pm_fail(status, "%s: a scene in another folder does not find its files: %.300s",
+                         path, pm_error());
     }
 done:
     pm_system_free(system);
     pm_scene_free(scene);
     return status;
+}
+
+pm_status pm_scene_text_write(const char *text, const char *path, const char *weights) {
+    FILE *file = NULL;
+    PM_TRY(pm_scene_text_check(text, path, weights));
+    PM_TRY(pm_files_create(&file, path, NULL));
+    const bool written = fputs(text, file) >= 0;
+    return fclose(file) == 0 && written ? PM_OK
+                                        : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
 }

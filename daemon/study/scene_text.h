@@ -25,9 +25,13 @@ typedef struct pm_stepping {
 // Replaces the section `time` of *text. Fails as pm_scene_text_put.
 pm_status pm_scene_text_put_time(char **text, const pm_stepping *stepping);
 
-// Writes a text to the file `path`, after it was read as that scene with its weights
-// (scene/system.h): paths in a scene count from its folder. PM_EFILE; PM_EUSAGE: the program reads
-// that file; otherwise fails as pm_scene_parse and pm_system_load do.
+// Reads a text as the scene of the file `path`, which need not be there, with its weights
+// (scene/system.h): paths in a scene count from its folder. Does nothing if `path` is NULL. Fails
+// as pm_scene_parse and pm_system_load do.
+pm_status pm_scene_text_check(const char *text, const char *path, const char *weights);
+
+// Writes a text to the file `path`. PM_EFILE; PM_EUSAGE: the program reads that file; otherwise
+// fails as pm_scene_text_check does.
 pm_status pm_scene_text_write(const char *text, const char *path, const char *weights);
 
 #endif

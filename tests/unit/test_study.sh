@@ -36,6 +36,7 @@ succeed "scene pair" check "$folder/advised.yaml"
 grep -q '^time: {dt: 0.05, steps: 2, integrator: ' "$folder/advised.yaml" || fail "bench --write: $(grep -A1 time: "$folder/advised.yaml")"
 mkdir "$folder/away"
 [ -n "${4:-}" ] || expect 6 "a scene in another folder" bench "$scene" --steps 2 --budget 300 --write "$folder/away/advised.yaml"
+[ ! -s "$folder/out" ] || fail "bench: measures before it knows that it can write: $(cat "$folder/out")"
 expect 14 "no setting reaches 1e-30 %" bench "$scene" --steps 2 --budget 300 --error 1e-30
 expect 2 "--error: expected" bench "$scene" --error none
 expect 2 "--seed" bench "$scene" --seed 0
