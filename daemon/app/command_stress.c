@@ -16,7 +16,8 @@
 
 #define BUDGET 60.0     // s of CPU time, by default
 #define SHARE 0.4       // of the budget that all rollouts but the long one are planned to take
-#define LONG_SHARE 0.25 // of the budget for the long one
+#define LONG_SHARE 0.25 // of the budget for the long one, or
+#define LONG_MOST 0.9   // if all its steps fit into this, while another core takes the others
 #define LONG 1000000    // steps of the long one, or
 #define MANY 1000       // times as many as --steps
 #define TRIAL 0.1       // s of CPU time in which the cost of a step is measured
@@ -54,6 +55,7 @@ typedef struct stress {
     char *text;
     int count;
     rollout *rollout; // [MOST_CASES] shared
+    int many;         // number of the long one; 0: none
 } stress;
 
 static verdict judge(const rollout *r) {
@@ -66,7 +68,8 @@ static verdict judge(const rollout *r) {
 
 static void measure(void *context, int i) {
     stress *t = context;
-    rollout *r = &t->rollout[i];
+    // The long one begins first, since it takes the longest.
+    rollout *r = &t->rollout[i > t->many ? i : i > 0 ? i - 1 : t->many];
     for (double times = 1; times <= MOST_TIMES; times *= 2) {
         pm_setup setup;
         r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
@@ -96,6 +99,19 @@ static const char *explain(const rollout *r, char *text, size_t size) {
                  result->drift, result->moved, result->steps);
     }
     return text;
+}
+
+// Prints how far the long one has come, and which budget would take it to its end.
+static void print_many(const rollout *r) {
+    const pm_rollout_result *result = &r->result;
+    const double all = result->seconds * r->spec.stepping.steps / (double)result->steps;
+    const double share = pm_rollout_nworker() > 1 ? LONG_MOST : LONG_SHARE;
+    printf("    %ld steps", result->steps);
+    if (result->steps < r->spec.stepping.steps) {
+        printf(" of %d: all of them need a --budget of %.0f s", r->spec.stepping.steps,
+               ceil(1.1 * all / share));
+    }
+    printf("\n");
 }
 
 static pm_status report(stress *t) {
@@ -155,8 +171,8 @@ static pm_status report(stress *t) {
         if (broken != NULL) {
             printf("    the first: dt %g s: %s\n", broken->spec.stepping.dt,
                    explain(broken, text, sizeof text));
-        } else if (t->rollout[i - 1].spec.seconds > 0) { // as many as its time allowed
-            printf("    %ld steps\n", steps);
+        } else if (i - 1 == t->many && t->many > 0) {
+            print_many(&t->rollout[t->many]);
         }
     }
     FILE *file = NULL;
@@ -331,7 +347,9 @@ static pm_status execute(const pm_run_options *options) {
         pm_stepping many = own;
         many.steps = options->steps > 0 ? MANY * own.steps : LONG;
         add(&t, "many steps from the scene's start", &start[0][0], &many, 1, -1, 0);
-        t.rollout[t.count - 1].spec.seconds = LONG_SHARE * budget;
+        t.many = t.count - 1;
+        t.rollout[t.many].spec.seconds = LONG_SHARE * budget;
+        t.rollout[t.many].spec.most = pm_rollout_nworker() > 1 ? LONG_MOST * budget : 0;
     }
     for (int l = 1; l < LENGTHS; ++l) {
         for (int k = 0; k < WIDTHS; ++k) {
@@ -380,8 +398,9 @@ const pm_command pm_command_stress = {
         "widths of it beyond, with steps of 2, 4, ... 32 times the length, and of twice as much\n"
         "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
         "step; with a subsystem that is set to another state in the middle; and for a million\n"
-        "steps, or as many as fit into a quarter of the --budget of CPU time of the busiest\n"
-        "process (--compiled: three times as many). Prints for each kind how many rollouts were\n"
+        "steps if they fit into the --budget of CPU time of the busiest process, else as many as\n"
+        "fit into a quarter of it (--compiled: three times as many), with the budget that all of\n"
+        "them need. Prints for each kind how many rollouts were\n"
         "good, drifted (the total energy by more than 1 % of the energy that moves) or broke (an\n"
         "error, a violated law, no convergence, a drift of 10 %), the largest drift and fall of "
         "the\n"

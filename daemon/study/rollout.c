@@ -100,8 +100,9 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
         if (z != NULL) {
             memcpy(z + (size_t)step * nz, run.sample.z, nz * sizeof *z);
         }
+        const double used = spec->seconds > 0 ? cpu_clock(0) - started : 0;
         if (step >= spec->stepping.steps ||
-            (spec->seconds > 0 && cpu_clock(0) - started > spec->seconds)) {
+            (used > spec->seconds && used * spec->stepping.steps > spec->most * (double)step)) {
             break;
         }
         if (spec->set != NULL && step == spec->stepping.steps / 2) {

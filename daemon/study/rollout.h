@@ -34,6 +34,7 @@ typedef struct pm_rollout_spec {
     const double *set;
     int subsystem;
     double seconds; // of CPU time after which the rollout stops; 0: none
+    double most; // s of CPU time; one that is on the way to take all its steps in so many goes on
 } pm_rollout_spec;
 
 // How a rollout went.
