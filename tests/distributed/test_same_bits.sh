@@ -27,6 +27,12 @@ sed -e "s,weights/,$configs/weights/,; s,reference/,$configs/reference/," -e '/^
     -e '/^time:/i lockstep: {window: 16}' "$configs/chain_3.yaml" >"$folder/chain.yaml"
 good "$folder/chain.yaml" 15
 grep -q "the scene's own processes .*the same bits" "$folder/test.out" || fail "no word of the scene's own processes"
+# A chain that is cut by METIS where the program has it, and one whose processes are no neighbours.
+for processes in '{auto: 2}' '{auto: 8}' '{even: [link0, link2, link3, "link[20:40]"], odd: [link1, "link[4:20]"]}'; do
+    printf 'scene: links\ntime: {dt: 1.0e-2, steps: 8, integrator: rk4}\nprocesses: %s\n' "$processes" >"$folder/links.yaml"
+    links 40 >>"$folder/links.yaml"
+    "$portmetd" check "$folder/links.yaml" 2>&1 | grep -q 'auto: this program was built without METIS' || good "$folder/links.yaml" 15
+done
 # Steps that do not converge are divided in the same round by all processes.
 sed -e 's/^time: .*/time: {dt: 0.3, steps: 30, integrator: discrete_gradient, substeps: 1}/' -e 's/Tr: 300.0/Tr: 30000.0/' \
     -e "s|file: reference|file: $configs/reference|" "$configs/analytic_double_pendulum.yaml" >"$folder/hot.yaml"
