@@ -236,15 +236,17 @@ static pid_t start(const assembly *a, const pm_command *command, const pm_run_op
     _exit(good ? pm_subcommand_end("portmetd", command->execute(options)) : PM_EFILE);
 }
 
-// Counts how often a text stands in FOLDER/NAME. `last` (NULL: not wanted) receives the last line.
+// Counts how often a text stands in FOLDER/NAME. `last` (NULL: not wanted) receives the last line
+// with it.
 static int count_in(const assembly *a, const char *name, const char *text, char *last) {
     char path[PATH_SIZE], line[LINE];
     FILE *file = fopen(in_folder(a, path, name), "r");
     int count = 0;
     while (file != NULL && fgets(line, sizeof line, file) != NULL) {
-        count += strstr(line, text) != NULL;
+        const bool has = strstr(line, text) != NULL;
+        count += has;
         line[strcspn(line, "\n")] = '\0';
-        if (last != NULL && line[0] != '\0') {
+        if (last != NULL && has && line[0] != '\0') {
             snprintf(last, LINE, "%s", line);
         }
     }
@@ -392,6 +394,8 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
                : t->sealed && scene->network.nlive > 0 ? "a scene with live inputs has no key"
                : t->window > 1 && pm_physics_is_adaptive(&scene->physics)
                    ? "a scene with a tolerance has a window of 1"
+               : t->window > 1 && scene->network.nlive > 0
+                   ? "a scene with live inputs has a window of 1"
                : t->cut > OWN && n < 3       ? "there are too few subsystems"
                : t->cut == TOGETHER && n < 2 ? "there is one subsystem"
                : t->ranks && (scene->run.recorded != NULL || scene->run.record_every > 1)
@@ -449,22 +453,18 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
         program[length > 0 ? length : 0] = '\0';
         snprintf(steps, sizeof steps, "%d", a->steps);
         snprintf(ranks, sizeof ranks, "%d", scene->network.nprocess + 1);
-        char *const argv[] = {"mpirun",
-                              "-n",
-                              ranks,
-                              program,
-                              "run",
-                              (char *)scene->path,
-                              "--url",
-                              "mpi://",
-                              "--steps",
-                              steps,
-                              "--record",
-                              record,
-                              "--overwrite",
-                              options.weights == NULL ? NULL : "--weights",
-                              (char *)options.weights,
-                              NULL};
+        char *argv[20] = {
+            "mpirun", "-n",      ranks, program,    "run",  (char *)scene->path, "--url",
+            "mpi://", "--steps", steps, "--record", record, "--overwrite"};
+        int nword = 13;
+        if (options.weights != NULL) {
+            argv[nword++] = "--weights";
+            argv[nword++] = (char *)options.weights;
+        }
+        if (options.replay != NULL) {
+            argv[nword++] = "--replay";
+            argv[nword++] = (char *)options.replay;
+        }
         code = wait_for(a, start(a, NULL, NULL, argv, "run"), DEADLINE);
     } else {
         const pid_t run = start(a, &pm_command_run, &options, NULL, "run");
@@ -482,7 +482,7 @@ static pm_status execute_trial(assembly *a, const trial *t, char *why, const cha
         *skipped = "mpirun is missing";
     } else if (code != 0) {
         char last[LINE] = "no word";
-        count_in(a, "run.err", "", last);
+        count_in(a, "run.err", t->ranks ? "portmetd: " : "", last); // mpirun has the last word
         snprintf(why, LINE, "exit code %d: %.400s", code, last);
     } else if (!t->in_process && why[0] == '\0') {
         PM_TRY_DONE(pm_recordings_compare(in_folder(a, plain, "plain0.h5"), record, t->share > 0,
@@ -505,7 +505,10 @@ typedef struct crossing {
 static pm_status run_here(assembly *a, crossing *port, pm_ledger *ledger) {
     const pm_physics *physics = &a->setup.scene->physics;
     const int rounds = physics->substeps * pm_integrator_most_rounds(physics->integrator);
-    const int most = a->setup.scene->run.steps; // --steps in place of the scene's
+    int most = a->setup.scene->run.steps; // --steps in place of the scene's
+    if (a->setup.replay != NULL && a->setup.replayed < most && a->options->steps == 0) {
+        most = (int)a->setup.replayed;
+    }
     a->steps = MOST_ROUNDS / rounds < LEAST_STEPS  ? LEAST_STEPS
                : MOST_ROUNDS / rounds > MOST_STEPS ? MOST_STEPS
                                                    : MOST_ROUNDS / rounds;
