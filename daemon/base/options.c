@@ -23,6 +23,7 @@ static pm_status read_number(const pm_option *option, const char *text) {
     errno = 0;
     if (option->positive != NULL) {
         *option->positive = strtod(text, &end);
+        end += end != text && strcmp(option->value, "SECONDS") == 0 && *end == 's'; // its unit
         return end != text && *end == 0 && *option->positive > 0 && isfinite(*option->positive)
                    ? PM_OK
                    : pm_fail(PM_EUSAGE, "%s: expected a number > 0, found \"%s\"", option->name,

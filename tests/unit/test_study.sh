@@ -40,6 +40,7 @@ mkdir "$folder/away"
 expect 14 "no setting reaches 1e-30 %" bench "$scene" --steps 2 --budget 300 --error 1e-30
 expect 2 "--error: expected" bench "$scene" --error none
 expect 2 "--seed" bench "$scene" --seed 0
+expect 2 '--budget: expected a number > 0, found "2m"' stress "$known" --budget 2m
 
 # stress: conduction of 300 W/K is too fast for 4 substeps of rk4; from a start within the range.
 picture=
@@ -48,7 +49,7 @@ succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 
 [ -z "$picture" ] || [ -s "$folder/map.svg" ] || fail "stress --picture"
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
 grep -q '^    20000 steps$' "$folder/out" || fail "stress: how many steps"
-succeed " steps of 1000000: all of them need a --budget of " stress "$known" --steps 1000 --budget 2
+succeed " steps of 1000000: all of them need a --budget of " stress "$known" --steps 1000 --budget 2s
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
 # Inputs of a temperature alone stay as they are, and no rollout claims to change them.
 cat >"$folder/cup.yaml" <<'END'
