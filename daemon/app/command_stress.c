@@ -142,8 +142,11 @@ static pm_status report(stress *t) {
     if (options->json) {
         printf("],\"held\":%s}\n", first == NULL ? "true" : "false");
     } else {
-        printf("%-44s %8s %6s %9s %7s %10s %10s %8s\n", t->base.scene->name, "rollouts", "good",
-               "drifting", "broken", "drift, J", "S falls", "outside");
+        // Their number depends on how fast this machine is, unless --steps says it.
+        snprintf(text, sizeof text, "%s, %d steps", t->base.scene->name,
+                 t->rollout[0].spec.stepping.steps);
+        printf("%-44s %8s %6s %9s %7s %10s %10s %8s\n", text, "rollouts", "good", "drifting",
+               "broken", "drift, J", "S falls", "outside");
     }
     for (int i = 0; i < t->count && !options->json;) {
         const char *kind = t->rollout[i].kind;
@@ -396,17 +399,16 @@ const pm_command pm_command_stress = {
     .help =
         "Runs the scene in one process from starts within the training range and up to three\n"
         "widths of it beyond, with steps of 2, 4, ... 32 times the length, and of twice as much\n"
-        "until it breaks; with inputs that are larger, vanish, jump or change their sign in every\n"
-        "step; with a subsystem that is set to another state in the middle; and for a million\n"
-        "steps if they fit into the --budget of CPU time of the busiest process, else as many as\n"
-        "fit into a quarter of it (--compiled: three times as many), with the budget that all of\n"
-        "them need. Prints for each kind how many rollouts were\n"
-        "good, drifted (the total energy by more than 1 % of the energy that moves) or broke (an\n"
-        "error, a violated law, no convergence, a drift of 10 %), the largest drift and fall of "
-        "the\n"
-        "entropy, the steps outside the training range, and a map of start and step. --write "
-        "writes\n"
-        "the scene of the first failure, with its start. The same --seed takes the same starts.\n"
+        "until it breaks; with inputs that are larger, vanish, jump or change their sign in\n"
+        "every step; with a subsystem that is set to another state in the middle; and for a\n"
+        "million steps if they fit into the --budget of CPU time of the busiest process, else\n"
+        "as many as fit into a quarter of it (--compiled: three times as many), with the budget\n"
+        "that all of them need. Prints for each kind how many rollouts were good, drifted (the\n"
+        "total energy by more than 1 % of the energy that moves) or broke (an error, a violated\n"
+        "law, no convergence, a drift of 10 %), the largest drift and fall of the entropy, the\n"
+        "steps outside the training range, and a map of start and step. --write writes the\n"
+        "scene of the first failure, with its start. The same --seed takes the same starts, and\n"
+        "the same --steps as many steps on every machine.\n"
         "Exit code 14: the scene's own settings did not hold within the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",

@@ -48,6 +48,7 @@ command -v gnuplot >/dev/null && picture="--picture $folder/map" # without a wor
 succeed "The scene's own settings held" stress "$known" --steps 20 --budget 300 $picture
 [ -z "$picture" ] || [ -s "$folder/map.svg" ] || fail "stress --picture"
 grep -Eq '^dt doubled until it breaks +[1-9]' "$folder/out" || fail "stress: longer and longer steps"
+grep -Eq '^analytic_double_pendulum, 20 steps +rollouts ' "$folder/out" || fail "stress: how many steps a rollout has"
 grep -q '^    20000 steps$' "$folder/out" || fail "stress: how many steps"
 succeed " steps of 1000000: all of them need a --budget of " stress "$known" --steps 1000 --budget 2s
 grep -Eq '^a subsystem set to another state +2 +2 ' "$folder/out" || fail "stress: states that are set"
