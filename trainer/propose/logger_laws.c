@@ -1003,18 +1003,16 @@ static const pm_logger_column *write_speed(const pm_logger_writer *w, int c, con
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to) {
     char x[4 * PM_LOGGER_TEXT] = "", name[PM_LOGGER_TEXT];
     const pm_logger_column *y = write_speed(w, c, of, x, sizeof x);
-    const double all = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
-    double start = all;
+    const double start = fmax(y->inertia * y->decay, SMALL * y->inertia * w->v->fastest * SMALL);
     snprintf(name, sizeof name, "%.40s%s%.40s", y->name, t < 0 ? "" : "_to_",
              t < 0 ? "" : w->v->column[t].name);
     fprintf(w->model, "[%s%s, %s%s, \"", of, w->v->column[c].name, to,
             t < 0 ? "s" : w->v->column[t].name);
     // Friction that does not heat a thermometer takes its law from the part that does, but for a
-    // constant, which begins small: what heat it takes from there does not come back.
+    // constant.
     pm_logger_column law = *y;
     for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
         law.damped = law.damped && !w->v->warms[c][k];
-        start = fmin(start, w->v->warms[c][k] ? SMALL * all : all);
     }
     pm_logger_write_resistance(w, name, x, &law, NULL, start, NULL);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {

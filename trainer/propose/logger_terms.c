@@ -898,12 +898,13 @@ static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
 static void add_expansion(const pm_logger_view *v, term_list *list, int t) {
     static const atom_kind power[] = {ONE, VALUE, SQUARE};
     for (int q = 0; q < v->nvariable; ++q) {
-        for (int k = 0; k < 6 && v->expands[q][t] && list->count < MOST; ++k) {
-            const atom heat = {.column = t, .kind = k < 3 ? VALUE : ONE};
-            list->item[list->count] = (regressor){{{.column = v->column[q].mate, .kind = VALUE},
-                                                   {.column = q, .kind = power[k % 3]},
-                                                   heat}};
-            list->count += k != 3; // the column itself
+        for (int k = 0; k < 2 && v->expands[q][t]; ++k) {
+            for (int n = 1 - k; n < 3 && list->count < MOST; ++n) { // the rate itself is a column
+                list->item[list->count++] =
+                    (regressor){{{.column = v->column[q].mate, .kind = VALUE},
+                                 {.column = q, .kind = power[n]},
+                                 {.column = t, .kind = k == 0 ? ONE : VALUE}}};
+            }
         }
     }
 }
