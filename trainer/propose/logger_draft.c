@@ -551,7 +551,7 @@ static void write_losses(pm_logger_writer *w, int part) {
             char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
             fprintf(w->model, "[a.%s, b.s, \"(%s + %s)/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", y->name,
                     pm_logger_flow(w, flow, sizeof flow, 'a', y),
-                    pm_logger_spill(spill, sizeof spill, y), y->name,
+                    pm_logger_spill(w, spill, sizeof spill, y), y->name,
                     EMPTY * EMPTY * y->largest * y->largest);
         }
         for (int j = i + 1; j < v->nvariable; ++j) {

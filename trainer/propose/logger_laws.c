@@ -32,6 +32,7 @@
 #define MOST_BEND 3
 #define MOST_THERMAL 1
 #define MOST_WARMING 6 // power of a temperature
+#define BRIM 3         // deviations of a level above its mean, below which its brim is
 #define LEVER_TEXT (4 * PM_LOGGER_LONG_TEXT)
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
@@ -1068,13 +1069,17 @@ static bool shows_no_length(const pm_logger_column *h) {
     return h->source != NULL && !h->feeds && !pm_unit_equal(&h->dimension, &length);
 }
 
-// Returns the law by which fluid spills over the brim of a level, or "0" if it has none.
-const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h) {
+// Returns the law by which fluid spills over the brim of a level, or "0" if it has none. A brim
+// that no fluid reaches would never be found.
+const char *pm_logger_spill(pm_logger_writer *w, char *text, size_t size,
+                            const pm_logger_column *h) {
     snprintf(text, size, "0");
     if (h->spills) {
         const double edge = SMALL * h->deviation;
-        snprintf(text, size, "spill_%s*(a.%s - brim_%s + sqrt((a.%s - brim_%s)^2 + %.4g))", h->name,
-                 h->name, h->name, h->name, h->name, edge * edge);
+        const char *brim = bounded_place(w, "brim", h->name, h->mean + h->deviation, h->mean,
+                                         h->mean + BRIM * h->deviation);
+        snprintf(text, size, "spill_%s*(a.%s - %s + sqrt((a.%s - %s)^2 + %.4g))", h->name, h->name,
+                 brim, h->name, brim, edge * edge);
     }
     return text;
 }
@@ -1112,7 +1117,6 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
         }
         if (h->spills) {
             pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest);
-            pm_logger_constant(w, "brim", h->name, h->mean + h->deviation);
             pm_logger_constant(w, "caught", h->name, 1);
         }
     }
@@ -1150,7 +1154,7 @@ void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
                         pm_logger_flow(w, flow, sizeof flow, 'a', h));
                 if (h->spills) {
                     fprintf(w->model, " + caught_%s/(1 + caught_%s)*%s", h->name, h->name,
-                            pm_logger_spill(spill, sizeof spill, h));
+                            pm_logger_spill(w, spill, sizeof spill, h));
                 }
                 fprintf(w->model, ")/%.4g\"]", highest);
                 some = true;

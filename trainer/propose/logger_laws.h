@@ -170,7 +170,8 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
                            const pm_logger_column *h);
 
 // Returns the law by which fluid spills over the brim of a level of end a; "0": it has none.
-const char *pm_logger_spill(char *text, size_t size, const pm_logger_column *h);
+const char *pm_logger_spill(pm_logger_writer *w, char *text, size_t size,
+                            const pm_logger_column *h);
 
 // Writes what moves a part without loss from outside: what is constant, and what leaves one level
 // and falls into another one, unless networks tell that. The fluid that falls loses its energy
