@@ -173,7 +173,8 @@ typedef struct hidden_search {
     pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
     int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
     pm_search_trial trial[MOST_TRIALS];
-    double used; // s of CPU time
+    double used;        // s of CPU time
+    bool short_of_time; // the first trial had not ended in its time
 } hidden_search;
 
 // Writes the scene and the training file of a trial into one folder.
@@ -235,8 +236,10 @@ static pm_status try_guesses(hidden_search *s, int from) {
         number[i] = i;
         vector[i - from] = &number[i];
     }
+    const double before = s->used;
     PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(longest + ENDED, 2 * left),
                          NULL, s->hints->stop, s->trial + from, &s->used));
+    s->short_of_time = from == 0 && s->used - before > longest;
     const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
@@ -342,6 +345,10 @@ static pm_status find_hidden(hidden_search *s) {
     s->most = s->most < n ? s->most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
+    // What is larger than a first guess that has not ended could not be judged either.
+    if (s->short_of_time) {
+        return PM_OK;
+    }
     // Motion heats, and heat hardly moves: what is hidden behind temperatures comes last.
     PM_TRY(find_columns(s, UNPLACED));
     PM_TRY(find_columns(s, MOVING));
