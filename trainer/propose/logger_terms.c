@@ -934,6 +934,16 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
         }
     }
+    // In space the third length may hide what two of them store.
+    for (int s = 0; s < v->nvariable; ++s) {
+        for (int q = 0; q < v->nvariable; ++q) {
+            for (int r = q + 1; r < v->nvariable; ++r) {
+                const bool first = v->central[q][s] || v->central[s][q];
+                v->central[q][r] =
+                    v->central[q][r] || (first && (v->central[r][s] || v->central[s][r]));
+            }
+        }
+    }
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];
