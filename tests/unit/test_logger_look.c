@@ -288,6 +288,112 @@ static void a_flow_fills_a_volume(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a mass whose friction heats a body of 2 J/K, which exchanges heat with one of 5 J/K ---
+
+static void warming_rate(const double *z, double *rate) {
+    rate[0] = -9 * z[1] - 0.4 * z[0];
+    rate[1] = z[0];
+    rate[2] = -0.3 * (z[2] - z[3]) / 5;
+    rate[3] = (0.4 * z[0] * z[0] + 0.3 * (z[2] - z[3])) / 2;
+}
+
+// Nothing shows how large the mass is, which is the unit. The capacities then have a scale, too,
+// also that of a body which no friction heats.
+static void friction_gives_all_capacities_their_scale(void **state) {
+    (void)state;
+    static const char *const column[] = {"v", "x", "T1", "T2"};
+    pm_dataset *d = record(&(logged){4, 0, column, "m/s;m;K;K", 0.05, warming_rate, NULL});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_true(v.warms[0][3]);
+    assert_true(v.column[0].free_scale);
+    assert_false(pm_logger_heat_is_free(&v));
+    assert_true(fabs(v.column[3].inertia / v.column[0].inertia / 2 - 1) < 0.5);
+    assert_true(fabs(v.column[2].inertia / v.column[3].inertia / 2.5 - 1) < 0.5);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- two masses, the second of which is measured from the first ---
+
+static void measured_rate(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -20 * z[0] + 20 * z[2] - 0.2 * z[1];
+    rate[2] = z[3] - z[1];
+    rate[3] = -10 * z[2] - 0.1 * z[3];
+}
+
+static void a_distance_is_not_measured_again(void **state) {
+    (void)state;
+    static const char *const column[] = {"x1", "v1", "d", "v2"};
+    static const char *const part[] = {"one=x1,v1", "two=d,v2"};
+    pm_dataset *d = record(&(logged){4, 0, column, "m;m/s;m;m/s", 0.03, measured_rate, NULL});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.npart = 2, .part = part, .hidden = -1});
+    assert_null(pm_logger_base(&v, &v.column[0]));
+    assert_null(pm_logger_base(&v, &v.column[2]));
+    assert_true(v.column[0].ratio == 1 && v.column[2].ratio == 1 && v.moves[2][1] == -1);
+    assert_int_equal(v.nport, 1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- a pump and a hose, whose capacity depends on the head ---
+
+static void hose_rate(const double *z, double *rate) {
+    rate[0] = 3 * z[1] - 0.2 * z[0];
+    rate[1] = -3 * z[0] / (1 + 9 * z[1] * z[1]);
+}
+
+static void a_head_that_changes_its_sign_is_no_level(void **state) {
+    (void)state;
+    static const char *const column[] = {"w", "h"};
+    static const char *const part[] = {"pump=w", "hose=h"};
+    pm_dataset *d = record(&(logged){2, 0, column, "rad/s;m", 0.03, hose_rate, NULL});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.npart = 2, .part = part, .hidden = -1});
+    assert_int_equal(v.column[1].kind, PM_LOGGER_FLOW);
+    assert_int_equal(v.nport, 1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- a gas that is warmed by the friction of its piston, in another part ---
+
+static void piston_rate(const double *z, double *rate) {
+    rate[0] = 20 * (z[3] / 300 / z[2] - 0.7) - 50 * z[1] - 0.5 * z[0];
+    rate[1] = z[0];
+    rate[2] = 2 * z[0];
+    rate[3] = -0.4 * z[3] / z[2] * 2 * z[0] + 0.5 * z[0] * z[0];
+}
+
+static void some_gas(int i, double *z) {
+    z[0] = 0.5 * cos(1.7 * i), z[1] = 0.1 * cos(2.3 * i);
+    z[2] = 1.4 + 0.4 * cos(2.9 * i), z[3] = 300 + 10 * cos(1.1 * i);
+}
+
+// The work of the gas is much larger than the heat, and noise hides this over short times.
+static void friction_heats_a_gas(void **state) {
+    (void)state;
+    static const char *const column[] = {"v", "x", "V", "T"};
+    static const char *const part[] = {"rod=v,x", "gas=V,T"};
+    static const double noise[] = {5e-3, 1e-3, 1e-3, 0.05};
+    pm_dataset *d = record(&(logged){4, 0, column, "m/s;m;m^3;K", 0.02, piston_rate, some_gas});
+    pm_rng rng;
+    pm_rng_init(&rng, 3, 0);
+    for (int k = 0; k < TRAJECTORIES * SAMPLES; ++k) {
+        for (int c = 0; c < 4; ++c) {
+            pm_dataset_state(d, 0, 0)[4 * k + c] += noise[c] * pm_rng_normal(&rng);
+        }
+    }
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.npart = 2, .part = part, .hidden = -1});
+    assert_true(v.expands[2][3]);
+    assert_true(v.warms[0][3]);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 // --- reactions ---
 
 // A + B = 2 C
@@ -402,6 +508,10 @@ int main(void) {
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
         cmocka_unit_test(conduction_has_the_scale_of_capacities),
         cmocka_unit_test(a_flow_fills_a_volume),
+        cmocka_unit_test(friction_gives_all_capacities_their_scale),
+        cmocka_unit_test(a_distance_is_not_measured_again),
+        cmocka_unit_test(a_head_that_changes_its_sign_is_no_level),
+        cmocka_unit_test(friction_heats_a_gas),
         cmocka_unit_test(amounts_change_by_small_integers),
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
