@@ -133,7 +133,8 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      {"of what they hold, where regressions show it", "constant", "of what they hold"}},
     {"conduction",
      3,
-     {"constant, radiation and convection", "constant and convection", "constant"}},
+     {"a power of the temperature, radiation and convection", "constant and convection",
+      "constant"}},
     {"flow between levels", 2, {"powers of levels", "learned"}}};
 
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
