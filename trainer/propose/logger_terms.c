@@ -1048,7 +1048,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     add_positions(v, &turning, y->part, j, VALUE, true);
                 }
             }
-            v->turns[i] = gain_of(w, i, &turning, 0, work, NULL) > GAINS;
+            v->turns[i] = y->source != NULL && gain_of(w, i, &turning, 0, work, NULL) > GAINS;
             double rate = 0;
             int count = 0;
             const pm_dataset *d = v->dataset;

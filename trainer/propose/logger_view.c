@@ -914,6 +914,18 @@ static void find_scales(pm_logger_samples *w) {
         }
         known[to] = true;
     }
+    // Nothing shows the scale of a hidden force: the one in which the force and the velocity that
+    // it moves go through one entry of L.
+    for (int c = 0; c < view->nvariable; ++c) {
+        const int y = view->column[c].behind;
+        const bool moves = view->column[c].free_scale && y >= 0 && view->column[y].mate >= 0;
+        const double to = moves ? view->coupling[y][c] * view->column[y].inertia : 0;
+        const double back = moves ? view->coupling[c][y] * view->column[c].inertia : 0;
+        if (to * back < 0) {
+            mix(w, c, 0, sqrt(-back / to));
+            pm_logger_regress_all(w);
+        }
+    }
     // The power of a cell's resistance is known: at the mean it balances the heat that leaves.
     for (int a = 0; a < view->naction; ++a) {
         const pm_logger_action *action = &view->action[a];
