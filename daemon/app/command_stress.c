@@ -75,9 +75,12 @@ static void measure(void *context, int i) {
         r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
         if (!r->refused) {
             pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
+        } else {
+            snprintf(r->result.why, sizeof r->result.why, "%s", pm_error());
         }
         pm_setup_free(&setup);
-        if (r->refused || judge(r) == BROKEN || !(r->longer || r->larger)) {
+        if (r->refused || judge(r) == BROKEN || !(r->longer || r->larger) ||
+            r->result.steps < LEAST_STEPS) {
             break;
         }
         r->spec.stepping.dt *= r->longer ? 2 : 1;
@@ -112,6 +115,24 @@ static void print_many(const rollout *r) {
                ceil(1.1 * all / share));
     }
     printf("\n");
+}
+
+// Prints what the inputs of the scene do not allow.
+static void print_limits(const stress *t) {
+    const long end = t->base.boundary_input.end;
+    const rollout *refused = NULL;
+    for (int i = 0; i < t->count && refused == NULL; ++i) {
+        refused = t->rollout[i].done && t->rollout[i].refused ? &t->rollout[i] : NULL;
+    }
+    if (end <= LONG) {
+        printf(
+            "The table of the inputs ends after %ld steps: there is no rollout of %d, and longer "
+            "steps end with the table.\n",
+            end, LONG);
+    }
+    if (refused != NULL) {
+        printf("Left out: %s: %s\n", refused->kind, refused->result.why);
+    }
 }
 
 static pm_status report(stress *t) {
@@ -177,6 +198,9 @@ static pm_status report(stress *t) {
         } else if (i - 1 == t->many && t->many > 0) {
             print_many(&t->rollout[t->many]);
         }
+    }
+    if (!options->json) {
+        print_limits(t);
     }
     FILE *file = NULL;
     pm_status picture = PM_OK;

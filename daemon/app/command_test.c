@@ -697,6 +697,12 @@ static pm_status bench_processes(assembly *a) {
     double best = INFINITY;
     int advice[2] = {0, 0};
     pm_status status = PM_OK;
+    PM_TRY(a->setup.boundary_input.end > LONG
+               ? PM_OK
+               : pm_fail(PM_EUSAGE,
+                         "%s: bench --processes runs for seconds, and the table of the inputs ends "
+                         "after %ld steps: give the inputs constant values",
+                         scene->path, a->setup.boundary_input.end));
     pm_rollout_run(&a->setup, &start, &spec, NULL, &here);
     PM_TRY(here.steps > 0 ? PM_OK : pm_fail(here.status, "bench: %s", here.why));
     const double own = here.seconds / (double)here.steps;

@@ -75,6 +75,8 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
     if (setup->reference != NULL && start->trajectory >= 0) {
         pm_boundary_input_follow(&setup->boundary_input, setup->reference, start->trajectory);
     }
+    const long last = setup->boundary_input.end < spec->stepping.steps ? setup->boundary_input.end
+                                                                       : spec->stepping.steps;
     setup->boundary_input.held = NULL;
     pm_status status = held == NULL || first == NULL
                            ? pm_fail(PM_ENOMEM, "out of memory for a rollout")
@@ -101,7 +103,7 @@ void pm_rollout_run(pm_setup *setup, const pm_start *start, const pm_rollout_spe
             memcpy(z + (size_t)step * nz, run.sample.z, nz * sizeof *z);
         }
         const double used = spec->seconds > 0 ? cpu_clock(0) - started : 0;
-        if (step >= spec->stepping.steps ||
+        if (step >= last ||
             (used > spec->seconds && used * spec->stepping.steps > spec->most * (double)step)) {
             break;
         }
