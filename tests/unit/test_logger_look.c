@@ -394,6 +394,36 @@ static void friction_heats_a_gas(void **state) {
     pm_dataset_free(d);
 }
 
+// --- two vessels that a pipe connects ---
+
+static void vessels_rate(const double *z, double *rate) {
+    const double flow = copysign(0.3 * sqrt(fabs(z[0] - z[1])), z[0] - z[1]);
+    rate[0] = (z[2] - flow) / 2;
+    rate[1] = (flow - 0.2 * sqrt(fabs(z[1]))) / 1.5;
+    rate[2] = 0.6 * z[3]; // the inflow is a wave
+    rate[3] = -0.6 * (z[2] - 0.2);
+}
+
+static void some_levels(int i, double *z) {
+    z[0] = 1 + 0.6 * cos(1.7 * i), z[1] = 1 + 0.6 * cos(2.3 * i);
+    z[2] = 0.2 + 0.15 * cos(i), z[3] = 0.15 * sin(i);
+}
+
+static void connected_vessels_exchange_by_their_difference(void **state) {
+    (void)state;
+    static const char *const column[] = {"h1", "h2", "Q"};
+    static const char *const part[] = {"one=h1", "two=h2"};
+    pm_dataset *d = record(&(logged){3, 1, column, "m;m;m^3/s", 0.1, vessels_rate, some_levels});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "Q", .npart = 2, .part = part, .hidden = 0});
+    assert_int_equal(v.column[0].kind, PM_LOGGER_LEVEL);
+    assert_true(pm_logger_is_coupled(&v, 0, 1, true));
+    assert_false(v.falls[0][1] || v.falls[1][0]);
+    assert_int_equal(v.nport, 1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 // --- reactions ---
 
 // A + B = 2 C
@@ -512,6 +542,7 @@ int main(void) {
         cmocka_unit_test(a_distance_is_not_measured_again),
         cmocka_unit_test(a_head_that_changes_its_sign_is_no_level),
         cmocka_unit_test(friction_heats_a_gas),
+        cmocka_unit_test(connected_vessels_exchange_by_their_difference),
         cmocka_unit_test(amounts_change_by_small_integers),
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),

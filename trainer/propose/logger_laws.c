@@ -954,8 +954,9 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
             fprintf(w->model, " + sticking_%s/(1 + (%s)^2/speed_%s^2)", name, x, name);
         }
     }
-    if (law <= DRY_FRICTION && pm_unit_equal(&y->dimension, &pressure)) {
-        // An orifice: the flow is the root of the difference of pressures.
+    if (law <= DRY_FRICTION &&
+        (pm_unit_equal(&y->dimension, &pressure) || y->kind == PM_LOGGER_LEVEL)) {
+        // An orifice: the flow is the root of the difference of pressures, or of levels.
         pm_logger_constant(w, "root", name, SMALL * start);
         pm_logger_constant(w, "round", name, dry);
         fprintf(w->model, " + root_%s*%.4g/sqrt(sqrt((%s)^2 + round_%s^2))", name, sqrt(d), x,

@@ -1028,8 +1028,19 @@ static bool changes(const pm_logger_view *view, int i, int j) {
     return share > COUPLED || share > fmax(FAINT, NOTABLE * view->column[i].unexplained);
 }
 
+// Returns true if two levels are those of vessels that are connected: each raises the other one.
+static bool connects(const pm_logger_view *view, int i, int j) {
+    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    return i != j && a->kind == PM_LOGGER_LEVEL && b->kind == PM_LOGGER_LEVEL && a->behind != j &&
+           b->behind != i && view->coupling[i][j] > 0 && view->coupling[j][i] > 0 &&
+           fmin(view->share[i][j], view->share[j][i]) > MOVES;
+}
+
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind) {
     const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    if (same_kind && connects(view, i, j)) {
+        return true;
+    }
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
            (same || a->mate < 0 || b->mate < 0) && (changes(view, i, j) || changes(view, j, i));
@@ -1083,9 +1094,9 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
         for (int j = 0; j < view->nvariable; ++j) {
             // Fluid falls from what is behind.
             view->falls[i][j] =
-                i != j && c[j].behind != i && c[i].kind == PM_LOGGER_LEVEL &&
-                c[j].kind == PM_LOGGER_LEVEL && view->coupling[j][i] > 0 &&
-                view->share[j][i] > MOVES &&
+                i != j && !connects(view, i, j) && c[j].behind != i &&
+                c[i].kind == PM_LOGGER_LEVEL && c[j].kind == PM_LOGGER_LEVEL &&
+                view->coupling[j][i] > 0 && view->share[j][i] > MOVES &&
                 (c[i].behind == j || view->coupling[j][i] > fabs(view->coupling[i][j]));
         }
     }
