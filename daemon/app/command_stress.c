@@ -117,24 +117,6 @@ static void print_many(const rollout *r) {
     printf("\n");
 }
 
-// Prints what the inputs of the scene do not allow.
-static void print_limits(const stress *t) {
-    const long end = t->base.boundary_input.end;
-    const rollout *refused = NULL;
-    for (int i = 0; i < t->count && refused == NULL; ++i) {
-        refused = t->rollout[i].done && t->rollout[i].refused ? &t->rollout[i] : NULL;
-    }
-    if (end <= LONG) {
-        printf(
-            "The table of the inputs ends after %ld steps: there is no rollout of %d, and longer "
-            "steps end with the table.\n",
-            end, LONG);
-    }
-    if (refused != NULL) {
-        printf("Left out: %s: %s\n", refused->kind, refused->result.why);
-    }
-}
-
 static pm_status report(stress *t) {
     const pm_run_options *options = t->options;
     const rollout *first = NULL, *beyond = NULL; // failures
@@ -199,8 +181,19 @@ static pm_status report(stress *t) {
             print_many(&t->rollout[t->many]);
         }
     }
-    if (!options->json) {
-        print_limits(t);
+    // What the inputs of the scene do not allow.
+    const rollout *refused = NULL;
+    for (int i = 0; i < t->count && refused == NULL; ++i) {
+        refused = t->rollout[i].done && t->rollout[i].refused ? &t->rollout[i] : NULL;
+    }
+    if (!options->json && t->base.boundary_input.end <= LONG) {
+        printf(
+            "The table of the inputs ends after %ld steps: there is no rollout of %d, and longer "
+            "steps end with the table.\n",
+            t->base.boundary_input.end, LONG);
+    }
+    if (!options->json && refused != NULL) {
+        printf("Left out: %s: %s\n", refused->kind, refused->result.why);
     }
     FILE *file = NULL;
     pm_status picture = PM_OK;

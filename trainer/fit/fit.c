@@ -160,6 +160,7 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     if (f->curves == NULL) {
         return pm_fail(PM_EFILE, "%s: cannot be written", path);
     }
+    pm_files_note_output(path);
     if (!further) {
         fprintf(f->curves, CURVES "\n");
     }
