@@ -218,7 +218,7 @@ int main(void) {
     path_of("data.h5", path);
     write_data(path);
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
-    static const char *const made[] = {"scene.yaml", "data.h5", "result.yaml"};
+    static const char *const made[] = {"scene.yaml", "data.h5", "result.yaml", "fit.csv"};
     for (size_t i = 0; i < sizeof made / sizeof *made; ++i) {
         path_of(made[i], path);
         remove(path);
