@@ -562,7 +562,8 @@ const pm_command pm_command_bench = {
         "in as\n"
         "many as there are cores, cut by cost, with windows of 1 to 64 steps, and prints what a "
         "step\n"
-        "costs and who waits for whom. It needs a private network, as `portmetd test` does.",
+        "costs and who waits for whom. It needs a private network, as `portmetd test` does, and\n"
+        "inputs that are constant: a table of inputs would end too soon.",
     .examples = "portmetd bench configs/double_pendulum.yaml\n"
                 "portmetd bench scene.yaml --error 1 --write faster.yaml",
     .accepts = "steps weights study error compiled json",

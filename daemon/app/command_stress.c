@@ -181,7 +181,7 @@ static pm_status report(stress *t) {
             print_many(&t->rollout[t->many]);
         }
     }
-    // What the inputs of the scene do not allow.
+    // Inputs in a table allow neither more steps than it has nor steps that cross its jumps.
     const rollout *refused = NULL;
     for (int i = 0; i < t->count && refused == NULL; ++i) {
         refused = t->rollout[i].done && t->rollout[i].refused ? &t->rollout[i] : NULL;
@@ -423,9 +423,10 @@ const pm_command pm_command_stress = {
         "that all of them need. Prints for each kind how many rollouts were good, drifted (the\n"
         "total energy by more than 1 % of the energy that moves) or broke (an error, a violated\n"
         "law, no convergence, a drift of 10 %), the largest drift and fall of the entropy, the\n"
-        "steps outside the training range, and a map of start and step. --write writes the\n"
-        "scene of the first failure, with its start. The same --seed takes the same starts, and\n"
-        "the same --steps as many steps on every machine.\n"
+        "steps outside the training range, and a map of start and step. Rollouts end with the\n"
+        "table of their inputs, if there is one. --write writes the scene of the first failure,\n"
+        "with its start. The same --seed takes the same starts, and the same --steps as many\n"
+        "steps on every machine.\n"
         "Exit code 14: the scene's own settings did not hold within the training range.",
     .examples = "portmetd stress configs/double_pendulum.yaml --budget 30\n"
                 "portmetd stress scene.yaml --write broken.yaml",

@@ -345,7 +345,7 @@ static pm_status find_hidden(hidden_search *s) {
     s->most = s->most < n ? s->most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    // What is larger than a first guess that has not ended could not be judged either.
+    // A trial of a larger guess than one that has not ended would not end either.
     if (s->short_of_time) {
         return PM_OK;
     }
