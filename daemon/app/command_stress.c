@@ -53,10 +53,20 @@ typedef struct stress {
     const pm_run_options *options;
     pm_setup base;
     char *text;
+    char *mean; // `text` with the inputs that lie in a table at their means
     int count;
     rollout *rollout; // [MOST_CASES] shared
-    int many;         // number of the long one; 0: none
+    int many;         // number of the long one
 } stress;
+
+// The text of the scene that a rollout runs. A table allows neither steps that cross its jumps nor
+// more steps than it has.
+static const char *text_of(const stress *t, const rollout *r) {
+    return r->spec.stepping.dt != t->base.scene->physics.dt ||
+                   r->spec.stepping.steps > t->base.boundary_input.end
+               ? t->mean
+               : t->text;
+}
 
 static verdict judge(const rollout *r) {
     const pm_rollout_result *result = &r->result;
@@ -72,7 +82,8 @@ static void measure(void *context, int i) {
     rollout *r = &t->rollout[i > t->many ? i : i > 0 ? i - 1 : t->many];
     for (double times = 1; times <= MOST_TIMES; times *= 2) {
         pm_setup setup;
-        r->refused = pm_rollout_open(&setup, &t->base, t->text, &r->spec.stepping) != PM_OK;
+        r->refused =
+            pm_rollout_open(&setup, &t->base, text_of(t, r), &r->spec.stepping) != PM_OK;
         if (!r->refused) {
             pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
         } else {
@@ -177,20 +188,18 @@ static pm_status report(stress *t) {
         if (broken != NULL) {
             printf("    the first: dt %g s: %s\n", broken->spec.stepping.dt,
                    explain(broken, text, sizeof text));
-        } else if (i - 1 == t->many && t->many > 0) {
+        } else if (i - 1 == t->many) {
             print_many(&t->rollout[t->many]);
         }
     }
-    // Inputs in a table allow neither more steps than it has nor steps that cross its jumps.
     const rollout *refused = NULL;
     for (int i = 0; i < t->count && refused == NULL; ++i) {
         refused = t->rollout[i].done && t->rollout[i].refused ? &t->rollout[i] : NULL;
     }
     if (!options->json && t->base.boundary_input.end <= LONG) {
-        printf(
-            "The table of the inputs ends after %ld steps: there is no rollout of %d, and longer "
-            "steps end with the table.\n",
-            t->base.boundary_input.end, LONG);
+        printf("The inputs lie in a table of %ld steps: longer steps and the rollout of many steps "
+               "hold their means.\n",
+               t->base.boundary_input.end);
     }
     if (!options->json && refused != NULL) {
         printf("Left out: %s: %s\n", refused->kind, refused->result.why);
@@ -253,7 +262,7 @@ static pm_status report(stress *t) {
             memcpy(at + s->first, shown->spec.set + s->first, (size_t)s->layout.nz * sizeof *at);
             z = at;
         }
-        char *scene = strdup(t->text), *value = NULL;
+        char *scene = strdup(text_of(t, shown)), *value = NULL;
         size_t size;
         FILE *list = open_memstream(&value, &size);
         for (int i = 0; list != NULL && i < physics->nz; ++i) {
@@ -322,6 +331,9 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
     PM_TRY_DONE(pm_scene_text_check(t.text, options->write, options->weights));
+    t.mean = strdup(t.text);
+    PM_TRY_DONE(pm_allocated(t.mean, "a scene"));
+    PM_TRY_DONE(pm_scene_text_put_mean_inputs(&t.mean, &t.base.boundary_input));
     const pm_physics *physics = &t.base.scene->physics;
     pm_stepping own = {physics->integrator, physics->substeps, physics->tolerance, physics->dt,
                        t.base.scene->run.steps};
@@ -363,14 +375,14 @@ static pm_status execute(const pm_run_options *options) {
         t.rollout[t.count - 1].spec.set = start[0][(i + 1) % nstart[0]].z;
         t.rollout[t.count - 1].spec.subsystem = i % physics->nsubsystem;
     }
-    if (t.base.boundary_input.end > LONG) { // before longer steps, which may use up the budget
-        pm_stepping many = own;
-        many.steps = options->steps > 0 ? MANY * own.steps : LONG;
-        add(&t, "many steps from the scene's start", &start[0][0], &many, 1, -1, 0);
-        t.many = t.count - 1;
-        t.rollout[t.many].spec.seconds = LONG_SHARE * budget;
-        t.rollout[t.many].spec.most = pm_rollout_nworker() > 1 ? LONG_MOST * budget : 0;
-    }
+    // Before longer steps, which may use up the budget.
+    pm_stepping many = own;
+    many.steps = options->steps > 0 ? MANY * own.steps : LONG;
+    add(&t, "many steps from the scene's start", &start[0][0], &many, 1, -1, 0);
+    t.many = t.count - 1;
+    t.rollout[t.many].own = t.base.boundary_input.end >= many.steps;
+    t.rollout[t.many].spec.seconds = LONG_SHARE * budget;
+    t.rollout[t.many].spec.most = pm_rollout_nworker() > 1 ? LONG_MOST * budget : 0;
     for (int l = 1; l < LENGTHS; ++l) {
         for (int k = 0; k < WIDTHS; ++k) {
             for (int i = k > 0; i < nstart[k] && i < BEYOND + (k > 0); ++i) {
@@ -405,6 +417,7 @@ static pm_status execute(const pm_run_options *options) {
     status = report(&t);
 done:
     free(t.text);
+    free(t.mean);
     pm_setup_free(&t.base);
     return status;
 }
@@ -423,8 +436,8 @@ const pm_command pm_command_stress = {
         "that all of them need. Prints for each kind how many rollouts were good, drifted (the\n"
         "total energy by more than 1 % of the energy that moves) or broke (an error, a violated\n"
         "law, no convergence, a drift of 10 %), the largest drift and fall of the entropy, the\n"
-        "steps outside the training range, and a map of start and step. Rollouts end with the\n"
-        "table of their inputs, if there is one. --write writes the scene of the first failure,\n"
+        "steps outside the training range, and a map of start and step. Where inputs lie in a\n"
+        "table, rollouts end with it; those with longer or many steps hold their means. --write writes the scene of the first failure,\n"
         "with its start. The same --seed takes the same starts, and the same --steps as many\n"
         "steps on every machine.\n"
         "Exit code 14: the scene's own settings did not hold within the training range.",

@@ -97,6 +97,7 @@ typedef struct assembly {
     const pm_run_options *options;
     pm_setup setup; // of the scene as it is
     char *text;     // of the scene with the steps of a test
+    char *mean;     // of the scene with the inputs that lie in a table at their means
     char folder[64];
     int steps;                 // of each run
     int shown;                 // steps in this process, for the table of ports
@@ -697,12 +698,6 @@ static pm_status bench_processes(assembly *a) {
     double best = INFINITY;
     int advice[2] = {0, 0};
     pm_status status = PM_OK;
-    PM_TRY(a->setup.boundary_input.end > LONG
-               ? PM_OK
-               : pm_fail(PM_EUSAGE,
-                         "%s: bench --processes runs for seconds, and the table of the inputs ends "
-                         "after %ld steps: give the inputs constant values",
-                         scene->path, a->setup.boundary_input.end));
     pm_rollout_run(&a->setup, &start, &spec, NULL, &here);
     PM_TRY(here.steps > 0 ? PM_OK : pm_fail(here.status, "bench: %s", here.why));
     const double own = here.seconds / (double)here.steps;
@@ -727,7 +722,7 @@ static pm_status bench_processes(assembly *a) {
             left += 1;
             continue;
         }
-        char *text = strdup(a->text);
+        char *text = strdup(a->mean);
         status = pm_allocated(text, "a scene");
         status = status == PM_OK ? put_cut(scene, count[row], window, &text) : status;
         status = status == PM_OK ? measure_cut(a, text, &l, who) : status;
@@ -882,6 +877,13 @@ static pm_status execute(const pm_run_options *options) {
     if (options->processes) {
         PM_TRY_DONE(pm_scene_text_read(scene->path, &a.text));
         PM_TRY_DONE(pm_scene_text_check(a.text, options->write, options->weights));
+        a.mean = strdup(a.text);
+        PM_TRY_DONE(pm_allocated(a.mean, "a scene"));
+        PM_TRY_DONE(pm_scene_text_put_mean_inputs(&a.mean, &a.setup.boundary_input));
+        pm_run_options held = *options;
+        held.text = a.mean;
+        pm_setup_free(&a.setup);
+        PM_TRY_DONE(pm_prepare(&a.setup, &held, PM_TO_COORDINATE));
         status = bench_processes(&a);
         goto done;
     }
@@ -914,6 +916,7 @@ done:
         remove_folder(a.folder);
     }
     free(a.text);
+    free(a.mean);
     pm_setup_free(&a.setup);
     return status;
 }

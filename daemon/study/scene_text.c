@@ -5,6 +5,7 @@
 
 #include <ctype.h>
 #include <errno.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -70,6 +71,62 @@ pm_status pm_scene_text_put_time(char **text, const pm_stepping *s) {
     snprintf(value, sizeof value, "{dt: %s, steps: %d, integrator: %s, substeps: %d%s}", dt,
              s->steps, s->integrator->name, s->substeps, tolerance);
     return pm_scene_text_put(text, "time", value);
+}
+
+// Writes the key `name` of a group and its `size` numbers.
+static void print_list(FILE *file, const char *name, const double *value, int size) {
+    for (int i = 0; i < size; ++i) {
+        fprintf(file, "%s%.17g", i > 0 ? ", " : name, value[i]);
+    }
+    fputs("]", file);
+}
+
+// Writes boundary inputs with the constants mean [n] as a mapping in one line.
+static void print_inputs(FILE *file, const pm_physics *physics, const double *mean) {
+    for (int i = 0; i < physics->nboundary_input; ++i) {
+        const pm_scene_boundary_input *input = &physics->boundary_input[i];
+        const pm_layout *layout = &input->layout;
+        const double *state = mean + input->first, *dE = state + layout->nz, *dS = dE + layout->nz;
+        fprintf(file, "%s%s: {", i > 0 ? ", " : "{", input->name);
+        for (int k = 0; k < layout->ngroup; ++k) {
+            const pm_group *g = &layout->group[k];
+            fprintf(file, "%s%s: {unit: \"%s\"", k > 0 ? ", " : "", g->name, g->unit);
+            print_list(file, ", value: [", state + g->first, g->size);
+            print_list(file, ", dE: [", dE + g->first, g->size);
+            if (input->entropy) {
+                print_list(file, ", dS: [", dS + g->first, g->size);
+            }
+            fputs("}", file);
+        }
+        fputs("}", file);
+    }
+    fputs("}", file);
+}
+
+pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *inputs) {
+    const long end = inputs->end;
+    char *section = NULL;
+    size_t size;
+    if (inputs->n == 0 || end == LONG_MAX) {
+        return PM_OK;
+    }
+    double *mean = calloc(2 * (size_t)inputs->n, sizeof *mean), *value = mean + inputs->n;
+    FILE *file = mean == NULL ? NULL : open_memstream(&section, &size);
+    for (long step = 0; step < end && file != NULL; ++step) {
+        pm_boundary_input_at(inputs, step, 0, value);
+        for (int i = 0; i < inputs->n; ++i) {
+            mean[i] += value[i] / (double)end;
+        }
+    }
+    if (file != NULL) {
+        print_inputs(file, &inputs->scene->physics, mean);
+    }
+    const bool made = file != NULL && fclose(file) == 0;
+    const pm_status status = made ? pm_scene_text_put(text, "boundary_inputs", section)
+                                  : pm_fail(PM_ENOMEM, "out of memory for a scene");
+    free(section);
+    free(mean);
+    return status;
 }
 
 pm_status pm_scene_text_check(const char *text, const char *path, const char *weights) {

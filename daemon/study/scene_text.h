@@ -3,6 +3,7 @@
 #ifndef PM_STUDY_SCENE_TEXT_H
 #define PM_STUDY_SCENE_TEXT_H
 
+#include "scene/boundary_input.h"
 #include "scene/scene.h"
 
 // Reads the file at `path` to *text, which the caller frees. PM_EFILE; PM_ENOMEM.
@@ -24,6 +25,11 @@ typedef struct pm_stepping {
 
 // Replaces the section `time` of *text. Fails as pm_scene_text_put.
 pm_status pm_scene_text_put_time(char **text, const pm_stepping *stepping);
+
+// Replaces the section `boundary_inputs` of *text by constants: the means of all prescribed values
+// over the trajectory that `boundary_input` follows. Does nothing where all are constants already.
+// Fails as pm_scene_text_put.
+pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *boundary_input);
 
 // Reads a text as the scene of the file `path`, which need not be there, with its weights
 // (scene/system.h): paths in a scene count from its folder. Does nothing if `path` is NULL. Fails
