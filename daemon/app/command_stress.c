@@ -82,8 +82,7 @@ static void measure(void *context, int i) {
     rollout *r = &t->rollout[i > t->many ? i : i > 0 ? i - 1 : t->many];
     for (double times = 1; times <= MOST_TIMES; times *= 2) {
         pm_setup setup;
-        r->refused =
-            pm_rollout_open(&setup, &t->base, text_of(t, r), &r->spec.stepping) != PM_OK;
+        r->refused = pm_rollout_open(&setup, &t->base, text_of(t, r), &r->spec.stepping) != PM_OK;
         if (!r->refused) {
             pm_rollout_run(&setup, r->start, &r->spec, NULL, &r->result);
         } else {
@@ -437,7 +436,8 @@ const pm_command pm_command_stress = {
         "total energy by more than 1 % of the energy that moves) or broke (an error, a violated\n"
         "law, no convergence, a drift of 10 %), the largest drift and fall of the entropy, the\n"
         "steps outside the training range, and a map of start and step. Where inputs lie in a\n"
-        "table, rollouts end with it; those with longer or many steps hold their means. --write writes the scene of the first failure,\n"
+        "table, rollouts end with it; those with longer or many steps hold their means. --write "
+        "writes the scene of the first failure,\n"
         "with its start. The same --seed takes the same starts, and the same --steps as many\n"
         "steps on every machine.\n"
         "Exit code 14: the scene's own settings did not hold within the training range.",

@@ -19,7 +19,7 @@ typedef enum pm_question {
     PM_ASK_HEAT,        // what the thermal energy depends on
     PM_ASK_ENERGY,      // how the energy depends on vectors
     PM_ASK_ANGLE,       // how functions depend on angles
-    PM_ASK_KINETIC,     // how the energy depends on momenta
+    PM_ASK_KINETIC,     // which variables share a term of the energy
     PM_ASK_TEMPERATURE, // of the scene: the temperatures with which training starts
     PM_ASK_SIZE,        // of the scene: of networks, and how many processes conduct heat
     PM_QUESTIONS
@@ -36,7 +36,8 @@ typedef enum pm_answer {
     PM_BY_COMPONENTS,
     PM_BY_BOTH, // lengths and components
     PM_BY_SINES,
-    PM_JOINT,         // one function with the rest
+    PM_JOINT,         // one function of all variables
+    PM_SEPARATE,      // a function of each variable, as in networks of stores
     PM_OF_MOTION,     // on what changes its sign when time runs backwards
     PM_REDUCED,       // 1 K, not 300 K
     PM_LARGE,         // networks that are twice as wide, and heat between any two bodies
@@ -56,6 +57,7 @@ typedef struct pm_draft {
     pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
     bool sketch;       // small networks, for short fits that compare hypotheses
     const char *start; // the file with which the fit starts (search.h); NULL: it draws
+    double reached;    // by rollouts of a short fit (search.h); 0: not known
     const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;
 

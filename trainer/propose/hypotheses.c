@@ -19,7 +19,8 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_COMPONENTS] = "of components",
                                     [PM_BY_BOTH] = "of lengths and components",
                                     [PM_BY_SINES] = "of sine and cosine",
-                                    [PM_JOINT] = "not apart",
+                                    [PM_JOINT] = "one function of all variables",
+                                    [PM_SEPARATE] = "a function of each variable",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_REDUCED] = "1 K, as in reduced units",
                                     [PM_LARGE] = "larger",
@@ -37,7 +38,7 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
                                                    [PM_ASK_HEAT] = "heat",
                                                    [PM_ASK_ENERGY] = "energy",
                                                    [PM_ASK_ANGLE] = "angles",
-                                                   [PM_ASK_KINETIC] = "kinetic energy",
+                                                   [PM_ASK_KINETIC] = "terms of the energy",
                                                    [PM_ASK_TEMPERATURE] = "temperature at first",
                                                    [PM_ASK_SIZE] = "size"};
     const pm_physics *physics = &d->p->scene->physics;
@@ -54,7 +55,8 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     const int id = pm_hypotheses_add(&d->space, name, count, text);
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES;
+                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES ||
+                            answer[i] == PM_SEPARATE;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     // The groups of the subsystem, or those that the ends of the port expose.
@@ -88,6 +90,7 @@ typedef struct inventory {
     bool position;   // a variable that does not, and is no entropy
     bool vector;     // such a variable of two or three components
     bool angle, turns, apart;
+    int shares;        // variables that may share a term of the energy
     bool moves, spins; // friction may act on an odd vector, and on an odd scalar
 } inventory;
 
@@ -115,6 +118,7 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
         n->spins = n->spins || (slows && group->size == 1);
         n->angle = n->angle || v->angle[g];
         n->turns = n->turns || (v->angle[g] && v->group[g].deviation * v->unit[g].factor > TURNS);
+        n->shares += 1;
         n->apart = n->apart || (v->kind[g] == PM_VIEW_POSITION && v->apart[g]);
     }
 }
@@ -148,8 +152,9 @@ void pm_draft_ask(pm_draft *d) {
                            heat[] = {PM_AS_FOUND, PM_ALONE},
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
-                           kinetic[] = {PM_AS_FOUND, PM_JOINT};
-    static const pm_answer temperature[] = {PM_AS_FOUND, PM_REDUCED},
+                           terms[] = {PM_AS_FOUND, PM_SEPARATE, PM_JOINT};
+    static const pm_answer joint[] = {PM_AS_FOUND, PM_JOINT},
+                           temperature[] = {PM_AS_FOUND, PM_REDUCED},
                            size[] = {PM_AS_FOUND, PM_LARGE};
     const pm_physics *physics = &d->p->scene->physics;
     for (int i = 0; i < physics->nsubsystem + physics->nport; ++i) {
@@ -205,8 +210,10 @@ void pm_draft_ask(pm_draft *d) {
         if (port == NULL && n.vector) {
             ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);
         }
-        if (port == NULL && n.apart) {
-            ask(d, PM_ASK_KINETIC, component, 2, kinetic);
+        if (port == NULL && n.shares > (n.apart ? 2 : 1)) {
+            ask(d, PM_ASK_KINETIC, component, n.apart ? 3 : 2, terms);
+        } else if (port == NULL && n.apart) {
+            ask(d, PM_ASK_KINETIC, component, 2, joint);
         }
     }
     bool warm = false;

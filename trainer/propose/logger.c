@@ -224,20 +224,22 @@ static pm_status try_guesses(hidden_search *s, int from) {
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
     // The first trial may take longer, since the fit begins where it ends.
     const double longest = from == 0 ? left : fmin(ENDED, left);
-    const pm_fit_effort effort = {.tries = TRIES,
-                                  .try_iterations = 4,
-                                  .samples = FEWEST_SAMPLES,
-                                  .iterations = STEPS,
-                                  .stages = 1,
-                                  .seconds = longest};
+    const pm_fit_effort each = {.tries = TRIES,
+                                .try_iterations = 4,
+                                .samples = FEWEST_SAMPLES,
+                                .iterations = STEPS,
+                                .stages = 1,
+                                .seconds = longest};
     const int *vector[MOST_TRIALS] = {NULL};
     int number[MOST_TRIALS] = {0};
+    pm_fit_effort effort[MOST_TRIALS];
     for (int i = from; i < s->count; ++i) {
+        effort[i - from] = each;
         number[i] = i;
         vector[i - from] = &number[i];
     }
     const double before = s->used;
-    PM_TRY(pm_search_try(&space, s->count - from, vector, &effort, fmin(longest + ENDED, 2 * left),
+    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, fmin(longest + ENDED, 2 * left),
                          NULL, s->hints->stop, s->trial + from, &s->used));
     s->short_of_time = from == 0 && s->used - before > longest;
     const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;

@@ -8,7 +8,7 @@
 
 // Hidden units. Networks that are too large train slowly; these were enough for all systems of the
 // zoo (tests/bench/zoo).
-#define ENERGY_OF_ONE "[8, 8]" // the energy of one input, of two or three, and of more
+#define ENERGY_OF_ONE "[8]" // the energy of one input, of two or three, and of more
 #define ENERGY_OF_FEW "[12, 12]"
 #define ENERGY_OF_MANY "[16, 16]"
 #define ENERGY_OF_SKETCH "[6]"
@@ -282,14 +282,14 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         moved = moved || ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant);
     }
     // Terms that depend on one group alone.
+    const pm_answer terms = ask(d, PM_ASK_KINETIC, v);
     for (int g = 0; g < v->count; ++g) {
         if (v->kind[g] == PM_VIEW_SPIN && !moved) { // rotation alone does not warm a body
             done[g] = true;
             fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
                     SPIN_WIDTH);
         }
-        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g] ||
-            ask(d, PM_ASK_KINETIC, v) == PM_JOINT) {
+        if (v->kind[g] != PM_VIEW_POSITION || !v->apart[g] || terms == PM_JOINT) {
             continue;
         }
         const int p = v->mate[g];
@@ -304,7 +304,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
                     hidden_of(d, size_of(v, p)));
         }
     }
-    // A common term of the rest, and the heat.
+    // Terms of the rest, and the heat.
     list l = {.file = f};
     int inputs = 0;
     for (int g = 0; g < v->count; ++g) {
@@ -312,9 +312,11 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
             l = l.count == 0 ? open_list(f, "      - {features: ") : l;
             inputs += add_energy_feature(d, &l, v, g);
         }
-    }
-    if (l.count > 0) {
-        fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, inputs));
+        if (l.count > 0 && (terms == PM_SEPARATE || g == v->count - 1)) {
+            fprintf(f, "], hidden: %s, skip: quartic}\n",
+                    hidden_of(d, terms == PM_SEPARATE ? 1 : inputs));
+            l.count = inputs = 0;
+        }
     }
     // The thermal energy of each entropy, and its dependence on the rest of the state. The energy
     // of motion and of currents, which is even in momenta and fluxes, does not depend on the
@@ -400,6 +402,33 @@ static void write_turning(const pm_draft *d, const char *before, const pm_part_v
     }
 }
 
+// Writes that two momenta of one component move each other by what is linear in both, as those
+// along the axes of a body do that turns or rolls: first the constants, then the pairs. Returns
+// their number.
+static int write_momenta(const pm_draft *d, const pm_part_view *v, bool constants,
+                         const char *before) {
+    int count = 0;
+    for (int g = 0; g < v->count; ++g) {
+        for (int h = g + 1; h < v->count; ++h) {
+            if (!pm_view_may_couple(v, g) || !pm_view_may_couple(v, h) || !v->odd[g] ||
+                !v->odd[h] || size_of(v, g) > 1 || size_of(v, h) > 1) {
+                continue;
+            }
+            const char *a = name_of(v, g), *b = name_of(v, h);
+            fprintf(d->file, "%s", count == 0 ? before : ", ");
+            ++count;
+            if (constants) {
+                fprintf(d->file, "turn_%s_%s: {learned: 0.0}, turn_%s_%s: {learned: 0.0}", a, b, b,
+                        a);
+            } else {
+                fprintf(d->file, "[%s, %s, \"turn_%s_%s*%s+turn_%s_%s*%s\"]", a, b, a, b, a, b, a,
+                        b);
+            }
+        }
+    }
+    return count;
+}
+
 // Writes conjugate pairs, what turns with an angular momentum, and couplings that are to be
 // learned.
 static void write_reversible(const pm_draft *d, const pm_part_view *v) {
@@ -422,15 +451,26 @@ static void write_reversible(const pm_draft *d, const pm_part_view *v) {
         others += coupled ? size_of(v, g) : 0;
         odd = odd || (coupled && v->odd[g]);
     }
+    if (answer == PM_BY_SINES) {
+        given += write_momenta(d, v, false, given > 0 ? ", " : "    reversible:\n      given: [");
+    }
     fprintf(f, given > 0 ? "]\n" : "");
     if (others < 2 || !odd) { // such as the amounts of two species
         return;
     }
+    // Functions of angles are even in time, so that they couple what is even with what is odd.
+    bool parity = answer == PM_BY_SINES;
+    for (int g = 0; g < v->count; ++g) {
+        parity = parity && (!is_coupled(v, g, answer) || v->unit[g].known);
+    }
     list l = open_list(f, given > 0 ? "      learned: {acts_on: "
                                     : "    reversible:\n      learned: {acts_on: ");
-    for (int g = 0; g < v->count; ++g) {
-        if (is_coupled(v, g, answer)) {
-            add_name(&l, "", name_of(v, g));
+    for (int pass = 0; pass < 1 + parity; ++pass) {
+        l = pass == 0 ? l : open_list(f, "], against: ");
+        for (int g = 0; g < v->count; ++g) {
+            if (is_coupled(v, g, answer) && (!parity || v->odd[g] == (pass == 1))) {
+                add_name(&l, "", name_of(v, g));
+            }
         }
     }
     if (answer != PM_AS_FOUND && answer != PM_CONSTANT) {
@@ -534,6 +574,10 @@ void pm_draft_part(const pm_draft *d, const pm_part_view *v) {
         return;
     }
     fprintf(f, "    form: %s\n", d->p->form == PM_HARD ? "hard" : "soft");
+    if (ask(d, PM_ASK_REVERSIBLE, v) == PM_BY_SINES &&
+        write_momenta(d, v, true, "    constants: {") > 0) {
+        fprintf(f, "}\n");
+    }
     write_energy(d, v);
     // S is the sum of the entropies, with coefficients where they are not in J/K, or a function of
     // variables that take up heat.

@@ -155,10 +155,11 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                 "derivatives "
                 "further,\n# then to single steps.\n",
           f);
-    if (d->start != NULL) {
-        fprintf(f, "start: {from: \"%s\", iterations: %d}\n", d->start, TRY_ITERATIONS);
-    } else if (d->p->form != PM_FREE) {
-        fprintf(f, "start: {iterations: %d}\n", TRY_ITERATIONS);
+    if (d->p->form != PM_FREE) {
+        fprintf(f, "start: {");
+        fprintf(f, d->start != NULL ? "from: \"%s\", " : "", d->start);
+        fprintf(f, "iterations: %d", TRY_ITERATIONS);
+        fprintf(f, d->reached > 0 ? ", reached: %.3g}\n" : "}\n", d->reached);
     }
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",
@@ -190,6 +191,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         d.space.context = &d;
         d.space.sketch = &d.sketch;
         d.space.start = &d.start;
+        d.space.reached = &d.reached;
         const pm_search_how how = {.budget = p->budget,
                                    .most = PM_SEARCH_SLOW * p->budget,
                                    .loud = p->loud,

@@ -27,9 +27,9 @@
 // What a change must reach of the error before, to be kept: other draws of the first weights alone
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
-// The error of one step below which nothing else is tried, if a verdict would call the rollouts
-// good, too, since a weak friction in wrong directions hardly shows in one step, and each group:
-// where some groups are exact, the mean tells nothing about the others.
+// The error of one step and of rollouts below which nothing else is tried, since a weak friction in
+// wrong directions hardly shows in one step, if a verdict would call each group good, too: where
+// some groups are exact, the mean tells nothing about the others.
 #define ENOUGH 1e-2
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
@@ -65,7 +65,7 @@
 typedef struct tried_vector {
     const int *vector;           // [count]
     pm_search_trial trial, last; // of the short fit, and of the longer one
-    bool finalist;
+    bool tried, finalist;
 } tried_vector;
 
 typedef struct hypothesis_search {
@@ -74,10 +74,11 @@ typedef struct hypothesis_search {
     pm_arena arena;
     int ncandidate, best;
     tried_vector candidate[MOST_VECTORS];
-    int weights, nz, substeps;
-    pm_fit_effort effort; // of a short fit
-    const char *path;     // of the training file of the winner
-    double left, used;    // s: nominal time that is left, CPU time that was used
+    int nz, substeps;
+    double share;        // s of nominal time for a short fit
+    const char *path;    // of the training file of the winner
+    double limit, spent; // s of nominal time
+    double used;         // s of CPU time
 } hypothesis_search;
 
 // --- trials ---
@@ -234,7 +235,7 @@ pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const 
         r->child = pipe(ends) == 0 ? fork() : -1;
         if (r->child == 0) {
             close(ends[0]);
-            work(space, vector[i], effort, seconds, start == NULL ? NULL : start[i], stop, r,
+            work(space, vector[i], &effort[i], seconds, start == NULL ? NULL : start[i], stop, r,
                  ends[1]);
         }
         if (r->child < 0) {
@@ -300,16 +301,16 @@ static bool is_better(const pm_search_trial *a, const pm_search_trial *b, double
 
 // Returns the longer fit of a finalist, or the short one if there was no time for it.
 static const pm_search_trial *latest(const tried_vector *c) {
-    return c->last.unfinished ? &c->trial : &c->last;
+    return !c->finalist || c->last.unfinished ? &c->trial : &c->last;
 }
 
 static bool is_enough(const hypothesis_search *s, const pm_search_trial *t) {
-    bool all = true;
+    const double limit = s->how->enough > 0 ? s->how->enough : ENOUGH;
+    bool all = error_of(t) < limit && !(t->score.rollout > limit);
     for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {
         all = all && t->score.group[g] < PM_VERDICT_STEP;
     }
-    return all && error_of(t) < (s->how->enough > 0 ? s->how->enough : ENOUGH) &&
-           !(t->score.rollout > PM_VERDICT_GOOD);
+    return all;
 }
 
 // Adds the best vector with another alternative of one choice, or, for choice -1, with the first
@@ -337,16 +338,17 @@ static bool add(hypothesis_search *s, int choice, int alternative) {
 
 // --- costs ---
 
-static double seconds_of(const hypothesis_search *s, const pm_fit_effort *e) {
-    const double residuals = (double)e->samples * s->nz, w = s->weights;
-    const double one = residuals * w * (PER_PAIR * w + PER_WEIGHT) / SPEED;
+static double seconds_of(const hypothesis_search *s, const pm_fit_effort *e, double weights) {
+    const double residuals = (double)e->samples * s->nz;
+    const double one = residuals * weights * (PER_PAIR * weights + PER_WEIGHT) / SPEED;
     const double steps = e->stages > 1 ? e->iterations * (1 + PER_STAGE * s->substeps) : 0;
     return one * (START_ITERATIONS + e->iterations + steps);
 }
 
-// Returns the effort of a trial that takes about so long.
-static pm_fit_effort effort_for(const hypothesis_search *s, double seconds, int stages) {
-    const int wanted = RESIDUALS_PER_WEIGHT * s->weights / s->nz;
+// Returns the effort of a fit of so many weights that takes about so long, or the least one.
+static pm_fit_effort effort_for(const hypothesis_search *s, int weights, double seconds,
+                                int stages) {
+    const int wanted = RESIDUALS_PER_WEIGHT * weights / s->nz;
     pm_fit_effort e = {.tries = TRIES,
                        .try_iterations = TRY_ITERATIONS,
                        .samples = wanted < FEWEST_SAMPLES ? FEWEST_SAMPLES
@@ -354,7 +356,8 @@ static pm_fit_effort effort_for(const hypothesis_search *s, double seconds, int 
                                                           : wanted,
                        .iterations = FEWEST_ITERATIONS,
                        .stages = stages};
-    while (e.iterations < MOST_ITERATIONS && seconds_of(s, &e) < seconds) {
+    e.samples *= stages > 1 ? OF_FINALISTS : 1;
+    while (e.iterations < MOST_ITERATIONS && seconds_of(s, &e, weights) < seconds) {
         ++e.iterations;
     }
     return e;
@@ -374,47 +377,90 @@ static void name_start(const hypothesis_search *s, int id, char *path) {
     snprintf(path, PATH_MAX, "%.*s.start%s", (int)pm_path_stem(s->path), s->path, number);
 }
 
-// Tries the candidates which [count].
-static pm_status run(hypothesis_search *s, int count, const int *which,
-                     const pm_fit_effort *effort) {
-    const double seconds = seconds_of(s, effort), most = s->how->most;
-    s->left -= count * seconds;
-    for (int first = 0; first < count; first += AT_ONCE) {
-        const int n = count - first < AT_ONCE ? count - first : AT_ONCE;
+// Counts the weights that a fit of a vector learns, and notes what else its cost follows from.
+static pm_status weigh(hypothesis_search *s, const int *vector, bool sketch, int *weights) {
+    const pm_hypotheses *space = s->space;
+    char path[] = "/tmp/portmet_search_XXXXXX";
+    const int file = mkstemp(path);
+    if (file < 0) {
+        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    }
+    close(file);
+    pm_training *t = NULL;
+    if (space->sketch != NULL) {
+        *space->sketch = sketch;
+    }
+    pm_status status = space->write(space->context, vector, "", path);
+    if (space->sketch != NULL) {
+        *space->sketch = false;
+    }
+    status = status == PM_OK ? pm_training_load(&t, path) : status;
+    remove(path);
+    PM_TRY(status);
+    const pm_loss *last = &t->stage[t->nstage - 1].loss;
+    *weights = pm_trained_count(t->system);
+    s->nz = t->scene->physics.nz;
+    s->substeps = last->substeps * (last->integrator == NULL ? 1 : last->integrator->nstage);
+    pm_training_free(t);
+    return PM_OK;
+}
+
+// Tries the candidates which [count] by fits of about so many seconds each, two at a time, until a
+// fit would not end in the nominal time that is left.
+static pm_status run(hypothesis_search *s, int count, const int *which, int stages,
+                     double seconds) {
+    const double most = s->how->most;
+    for (int first = 0, n; first < count; first += n) {
         const int *vector[AT_ONCE] = {NULL};
         pm_search_trial trial[AT_ONCE];
-        // The trials end with the time that is left, if it is measured, but not at once.
-        const double left = most > 0 ? fmax((most - s->used) / n, LEAST_SECONDS) : INFINITY;
-        const double longest = fmin(fmax(SAFETY * seconds, FEWEST_SECONDS), left);
+        pm_fit_effort effort[AT_ONCE];
         char path[AT_ONCE][PATH_MAX];
         const char *start[AT_ONCE] = {NULL};
-        for (int i = 0; i < n; ++i) {
-            vector[i] = s->candidate[which[first + i]].vector;
-            name_start(s, which[first + i], path[i]);
-            start[i] = path[i];
+        double longest = FEWEST_SECONDS;
+        for (n = 0; n < AT_ONCE && first + n < count; ++n) {
+            int weights = 0;
+            vector[n] = s->candidate[which[first + n]].vector;
+            const pm_status weighed = weigh(s, vector[n], stages == 1, &weights);
+            PM_TRY(which[first + n] == 0 ? weighed : PM_OK); // what fails here fails as a trial
+            effort[n] = effort_for(s, weights, seconds, stages);
+            const double cost = seconds_of(s, &effort[n], weights);
+            if (s->spent + cost > s->limit) {
+                break;
+            }
+            s->spent += cost;
+            longest = fmax(longest, SAFETY * cost);
+            name_start(s, which[first + n], path[n]);
+            start[n] = path[n];
         }
-        const bool kept = s->space->start != NULL && effort->stages > 1;
-        PM_TRY(pm_search_try(s->space, n, vector, effort, longest, kept ? start : NULL,
+        if (n == 0) {
+            return PM_OK;
+        }
+        // The trials end with the time that is left, if it is measured, but not at once.
+        const double left = most > 0 ? fmax((most - s->used) / n, LEAST_SECONDS) : INFINITY;
+        const bool kept = s->space->start != NULL && stages > 1;
+        PM_TRY(pm_search_try(s->space, n, vector, effort, fmin(longest, left), kept ? start : NULL,
                              s->how->stop, trial, &s->used));
         for (int i = 0; i < n; ++i) {
             tried_vector *c = &s->candidate[which[first + i]];
-            *(effort->stages > 1 ? &c->last : &c->trial) = trial[i];
-            c->finalist = c->finalist || effort->stages > 1;
+            *(stages > 1 ? &c->last : &c->trial) = trial[i];
+            c->tried = true;
+            c->finalist = c->finalist || stages > 1;
         }
     }
     return PM_OK;
 }
 
 // Tries the candidates from number `first` on, as many as the time allows.
-static pm_status run_new(hypothesis_search *s, int first, const pm_fit_effort *effort,
-                         double seconds) {
+static pm_status run_new(hypothesis_search *s, int first) {
     int which[MOST_VECTORS], count = 0;
-    const double most = is_over(s) ? 0 : fmax(floor(seconds / seconds_of(s, effort)), 0);
-    s->ncandidate = s->ncandidate - first < most ? s->ncandidate : first + (int)most;
-    for (int i = first; i < s->ncandidate; ++i) {
+    for (int i = first; i < s->ncandidate && !is_over(s); ++i) {
         which[count++] = i;
     }
-    return run(s, count, which, effort);
+    const pm_status status = run(s, count, which, 1, s->share);
+    while (s->ncandidate > first && !s->candidate[s->ncandidate - 1].tried) {
+        --s->ncandidate;
+    }
+    return status;
 }
 
 // --- the search ---
@@ -424,8 +470,10 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     int which[FINALISTS], count = 0;
     // What was taken because it is simple is compared with what is believed more, by longer fits.
     const int last = s->ncandidate;
-    const bool doubt = add(s, -1, 0);
-    PM_TRY(run_new(s, last, &s->effort, INFINITY));
+    bool doubt = add(s, -1, 0);
+    s->limit = fmax(s->limit, s->spent + s->share);
+    PM_TRY(run_new(s, last));
+    doubt = doubt && s->ncandidate > last;
     const double best = error_of(&s->candidate[s->best].trial);
     while (count < FINALISTS && (doubt || !is_enough(s, &s->candidate[s->best].trial))) {
         int next = -1;
@@ -448,10 +496,8 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     if (count <= 1 || is_over(s)) {
         return PM_OK;
     }
-    pm_fit_effort e = effort_for(s, seconds / (count * OF_FINALISTS), 2);
-    e.samples *= OF_FINALISTS;
-    s->left = seconds;
-    PM_TRY(run(s, count, which, &e));
+    s->limit = s->spent + seconds;
+    PM_TRY(run(s, count, which, 2, seconds / count));
     // Among equals the one that is believed more, which was tried first, wins, and the simple one.
     s->best = which[0];
     for (int k = 1; k < count; ++k) {
@@ -472,31 +518,7 @@ static pm_status decide(hypothesis_search *s, double seconds) {
 static pm_status descend(hypothesis_search *s, int alternatives) {
     const pm_hypotheses *space = s->space;
     const double budget = s->how->budget;
-    // The cost of a trial follows from the first training file.
-    char path[] = "/tmp/portmet_search_XXXXXX";
-    const int file = mkstemp(path);
-    if (file < 0) {
-        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
-    }
-    close(file);
-    pm_training *t = NULL;
-    if (space->sketch != NULL) {
-        *space->sketch = true;
-    }
-    pm_status status = space->write(space->context, s->candidate[0].vector, "", path);
-    if (space->sketch != NULL) {
-        *space->sketch = false;
-    }
-    status = status == PM_OK ? pm_training_load(&t, path) : status;
-    remove(path);
-    PM_TRY(status);
-    const pm_loss *last = &t->stage[t->nstage - 1].loss;
-    s->weights = pm_trained_count(t->system);
-    s->nz = t->scene->physics.nz;
-    s->substeps = last->substeps * (last->integrator == NULL ? 1 : last->integrator->nstage);
-    pm_training_free(t);
-    s->effort = effort_for(s, FOR_ONE_ROUND * budget / alternatives, 1);
-    s->left = (1 - FOR_FINALISTS) * budget;
+    s->share = FOR_ONE_ROUND * budget / alternatives;
     int *simplest = pm_arena_array(&s->arena, (size_t)space->count + 1, sizeof *simplest);
     bool other = false;
     PM_TRY(pm_arena_status(&s->arena, "a search"));
@@ -507,7 +529,9 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     if (other) {
         s->candidate[s->ncandidate++] = (tried_vector){.vector = simplest};
     }
-    PM_TRY(run_new(s, 0, &s->effort, INFINITY));
+    s->limit = INFINITY;
+    PM_TRY(run_new(s, 0));
+    s->limit = (1 - FOR_FINALISTS) * budget;
     // The simplest vector, unless it is clearly worse.
     s->best = other && BETTER * error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
     bool goes_on = true;
@@ -534,7 +558,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
             for (int a = 0; a < choice->count; ++a) {
                 (void)(a != own && add(s, c, a));
             }
-            PM_TRY(run_new(s, first, &s->effort, s->left));
+            PM_TRY(run_new(s, first));
             for (int i = first; i < s->ncandidate; ++i) {
                 const pm_search_trial *tried = &s->candidate[i].trial;
                 if (error_of(tried) < all && local_error(tried, choice) < BETTER * before &&
@@ -647,6 +671,10 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     if (starts) {
         const char *slash = strrchr(start, '/');
         *space->start = slash == NULL ? start : slash + 1;
+    }
+    const pm_search_trial *last = latest(&s->candidate[s->best]);
+    if (space->reached != NULL && s->candidate[s->best].tried && isfinite(last->score.rollout)) {
+        *space->reached = last->score.rollout;
     }
     status = fflush(comment) == 0
                  ? space->write(space->context, s->candidate[s->best].vector, text, path)

@@ -54,6 +54,9 @@ typedef struct pm_hypotheses {
     // Set while the file of the winner is written, to the name of the file beside it with which its
     // fit starts, where a longer fit of the winner has left its weights; or NULL.
     const char **start;
+    // Likewise, to the error of the rollouts of a short fit, relative to persistence, or 0; or
+    // NULL.
+    double *reached;
 } pm_hypotheses;
 
 typedef struct pm_search_how {
@@ -94,11 +97,12 @@ typedef struct pm_search_trial {
     char found[PM_SEARCH_FOUND];
 } pm_search_trial;
 
-// Fits the training files of `count` vectors, vector[i] [space->count], and writes their results to
-// trial [count], two at a time where there are as many processors. `seconds` is the limit of CPU
-// time of each, a safeguard that no fit should reach, since it depends on the machine. The results
-// do not depend on the order in which the fits end. The weights of each go to a file start[i],
-// unless `start` is NULL. Adds their CPU time to *used. PM_EFILE, PM_EINTERRUPTED.
+// Fits the training files of `count` vectors, vector[i] [space->count], each with its effort
+// [count], and writes their results to trial [count], two at a time where there are as many
+// processors. `seconds` is the limit of CPU time of each, a safeguard that no fit should reach,
+// since it depends on the machine. The results do not depend on the order in which the fits end.
+// The weights of each go to a file start[i], unless `start` is NULL. Adds their CPU time to *used.
+// PM_EFILE, PM_EINTERRUPTED.
 pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const *vector,
                         const pm_fit_effort *effort, double seconds, const char *const *start,
                         const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used);

@@ -19,7 +19,7 @@
 #define TURNED 0.1      // of the variance of an angular velocity: what the momentum may leave
 #define SAME 2e-3       // relative to |q||p|: the change below which q x p is conserved
 #define MOVES 1e-9  // relative change over one step below which a variable is constant: rounding
-#define CLEARLY 0.5 // unexplained part of the better polynomial of a length over the other one
+#define CLEARLY 0.5 // what the better of two functions leaves unexplained over what the other does
 #define RADIAL_DEGREE 4 // of the energy as a polynomial of a length, as for other energies
 
 // Weights of the integral of a function over one interval, by the polynomial through the nearest
@@ -45,7 +45,7 @@ static bool is_nonentropy(const pm_part_view *v, int g) {
 
 bool pm_view_may_couple(const pm_part_view *v, int g) {
     return (v->kind[g] == PM_VIEW_OTHER || v->kind[g] == PM_VIEW_MOMENTUM ||
-            (v->kind[g] == PM_VIEW_POSITION && !v->apart[g])) &&
+            (v->kind[g] == PM_VIEW_POSITION && (!v->apart[g] || v->shared[g]))) &&
            !v->group[g].constant;
 }
 
@@ -100,10 +100,14 @@ static void add_source(sources *s, const pm_look_group *g, const pm_look_group *
 }
 
 // Finds the groups with the unit `unit` in this subsystem and in those that share a port with it.
+// The group `mate` of this subsystem comes first, unless it is -1.
 static sources find_sources(const pm_look *look, const pm_part_view *parts, int part, int target,
-                            const pm_unit *unit) {
+                            int mate, const pm_unit *unit) {
     const pm_scene *scene = look->scene;
     sources s = {0};
+    if (mate >= 0) {
+        add_source(&s, &parts[part].group[mate], &parts[part].group[target]);
+    }
     for (int pass = 0; pass < 2; ++pass) { // its own first
         for (int i = 0; i < scene->physics.nsubsystem; ++i) {
             bool near = i == part && pass == 0;
@@ -306,10 +310,16 @@ static double leave_virial(const pm_look *look, const pm_part_view *v, int g, bo
 static double explain_by_mate(const pm_look *look, const pm_part_view *parts, int part, int g,
                               int mate, double *own) {
     double coefficient[MOST_SOURCES] = {0};
-    const sources s = find_sources(look, parts, part, g, &parts[part].unit[mate]);
+    const sources s = find_sources(look, parts, part, g, mate, &parts[part].unit[mate]);
     const double rest = explain(look, &parts[part].group[g], &s, coefficient);
     *own = coefficient[0];
     return rest;
+}
+
+// Likewise of a function of each source alone, in a sum.
+static double explain_apart(const pm_look *look, const pm_look_group *target, const sources *s) {
+    const int degree = s->count * DEGREE > PM_LOOK_SOURCES ? PM_LOOK_SOURCES / s->count : DEGREE;
+    return pm_regress_rate(look, target, s->count, s->group, degree, NULL);
 }
 
 // A conjugate pair. Its position is the variable whose rate the other one explains better.
@@ -355,11 +365,22 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
         v->kind[position] = PM_VIEW_POSITION;
         v->kind[momentum] = PM_VIEW_MOMENTUM;
         v->sign[position] = best.own < 0 ? -1 : 1;
-        v->linear[position] = best.rest < EXACT;
-        const sources s = find_sources(look, parts, part, position, &v->unit[momentum]);
-        v->apart[position] = v->linear[position] ||
-                             pm_regress_rate(look, &v->group[position], s.count < 2 ? s.count : 2,
-                                             s.group, DEGREE, NULL) < EXACT;
+        const sources all = find_sources(look, parts, part, position, momentum, &v->unit[momentum]);
+        sources own = {.count = 0}; // without other momenta of this subsystem
+        for (int k = 0; k < all.count; ++k) {
+            const int first = all.group[k].first;
+            const bool other =
+                first >= v->group[0].first &&
+                first < v->group[0].first + look->scene->physics.subsystem[part].layout.nz && k > 0;
+            if (!other) {
+                own.group[own.count++] = all.group[k];
+            }
+        }
+        const double rest = explain_apart(look, &v->group[position], &all);
+        v->linear[position] = best.rest < EXACT && rest > CLEARLY * best.rest;
+        v->apart[position] = best.rest < EXACT || rest < EXACT;
+        v->shared[position] = own.count < all.count &&
+                              rest < CLEARLY * explain_apart(look, &v->group[position], &own);
     }
     for (int a = 0; a < v->count; ++a) {
         if (v->mate[a] < 0 && is_spin(v, a) && v->kind[a] != PM_VIEW_SPIN) {
@@ -649,7 +670,7 @@ pm_rotation pm_view_parts(const pm_look *look, pm_part_view *view) {
             for (int k = 0; k < n && length && v->mate[g] < 0; ++k) {
                 for (int h = 0; h < view[k].count && !v->geometric[g]; ++h) {
                     double coefficient[MOST_SOURCES];
-                    const sources s = find_sources(look, view, i, g, &view[k].unit[h]);
+                    const sources s = find_sources(look, view, i, g, -1, &view[k].unit[h]);
                     v->geometric[g] = is_nonentropy(&view[k], h) && !is_length(&view[k].unit[h]) &&
                                       s.count > 0 &&
                                       explain(look, &v->group[g], &s, coefficient) < EXACT;
@@ -727,7 +748,7 @@ static double guess_coefficient(const pm_look *look, const pm_part_view *parts,
         carrier->kind[momentum] == PM_VIEW_SPIN) {
         return 0;
     }
-    const sources s = find_sources(look, parts, carried, position, &carrier->unit[momentum]);
+    const sources s = find_sources(look, parts, carried, position, -1, &carrier->unit[momentum]);
     sources others = {0};
     const double rest = explain(look, &v->group[position], &s, coefficient);
     for (int i = 0; i < s.count; ++i) {

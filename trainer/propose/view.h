@@ -50,6 +50,8 @@ typedef struct pm_part_view {
     bool linear[PM_MAX_GROUPS];
     // Positions: the rate is a function of momenta alone, but for 0.1 % of its variance.
     bool apart[PM_MAX_GROUPS];
+    // Positions: other momenta of the same subsystem than their own move them, too.
+    bool shared[PM_MAX_GROUPS];
     // Positions of two or three components: their energy is rather a polynomial of the length than
     // of its logarithm.
     bool by_length[PM_MAX_GROUPS];
