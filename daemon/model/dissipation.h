@@ -41,11 +41,15 @@ typedef struct pm_dissipation {
     pm_node power, reference; // the exponents a [1][rank], and T_ref [1][1] in K; power PM_NO_NODE:
                               // coefficients do not depend on temperature
     pm_node strength;    // [1][rank] logarithms of a further factor of each process, functions of
-                         // the state; PM_NO_NODE: the factor is 1
+                         // the state and of the forces; PM_NO_NODE: the factor is 1
     pm_node warmth;      // ln w [1][1]: conductances and T_ref are multiplied by w. PM_NO_NODE:
                          // w = 1
     pm_node ratio_power; // the exponents c [1][rank]; PM_NO_NODE where there is one entropy
 } pm_dissipation;
+
+// Returns the forces [1][rank] that drive the processes, sum_l (F_j + h_jl). They do not depend on
+// the strength.
+pm_node pm_dissipation_force(pm_graph *g, const pm_dissipation *dissipation);
 
 // Returns the rate [1][n], in the units of the variables per second.
 pm_node pm_dissipation_build(pm_graph *g, const pm_dissipation *dissipation);

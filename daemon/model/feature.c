@@ -33,6 +33,11 @@ static pm_node build_log_norm(pm_graph *g, pm_node x, pm_node y) {
     return pm_scale(g, pm_log(g, pm_offset(g, norm_squared(g, x), SMALLEST_SQUARE)), 0.5);
 }
 
+static pm_node build_log(pm_graph *g, pm_node x, pm_node y) {
+    (void)y;
+    return pm_scale(g, pm_log(g, pm_offset(g, pm_square(g, x), SMALLEST_SQUARE)), 0.5);
+}
+
 static pm_node build_norm_squared(pm_graph *g, pm_node x, pm_node y) {
     (void)y;
     return norm_squared(g, x);
@@ -55,13 +60,9 @@ static pm_node build_negative_norm(pm_graph *g, pm_node x, pm_node y) {
     return build_norm(g, negative_part(g, x), y);
 }
 
-pm_node pm_negative_squared(pm_graph *g, pm_node x) {
-    return norm_squared(g, negative_part(g, x));
-}
-
 static pm_node build_negative_squared(pm_graph *g, pm_node x, pm_node y) {
     (void)y;
-    return pm_negative_squared(g, x);
+    return norm_squared(g, negative_part(g, x));
 }
 
 static pm_node build_direction(pm_graph *g, pm_node x, pm_node y) {
@@ -241,6 +242,7 @@ static const feature_form forms[] = {
     {"<", ",", ">", true, false, build_product, discrete_product},
     {"sin(", NULL, ")", false, true, build_sin, discrete_sin},
     {"cos(", NULL, ")", false, true, build_cos, discrete_cos},
+    {"ln(", NULL, ")", false, false, build_log, NULL},
     {"", "/|", "|^2", false, false, build_inverse, NULL},
     {"", "/|", "|", false, false, build_direction, NULL},
     {"", NULL, "", false, false, build_raw, discrete_raw},
@@ -315,7 +317,7 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
     return pm_fail(
         PM_ECONFIG,
         "feature \"%s\": expected x, |x|, ln|x|, |x|^2, |x-y|, ln|x-y|, <x,y>, sin(x), cos(x), "
-        "|min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
+        "ln(x), |min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
         expression);
 }
 

@@ -6,6 +6,7 @@
 //   |min(x,0)|  |min(x,0)|^2   the length of the negative components of x: zero, with a zero slope,
 //                              while no component is negative
 //   sin(x)  cos(x)             of each component of x, an angle, in rad or in its unit (deg)
+//   ln(x)                      ln|x_i| of each component of x
 //   x/|x|  x/|x|^2             vectors along x
 // The names are those of groups, with a prefix where there are two ends ("a.q"), and of co-energies
 // ("dE.s", "a.dE.s"). A new expression is one line in the table of feature.c.
@@ -15,8 +16,9 @@
 #include "graph/graph.h"
 #include "model/spec.h"
 
-// The most symbols of an expression: those of both ends of a port, and the learned constants.
-#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS + PM_MAX_LEARNED)
+// The most symbols of an expression: those of both ends of a port, the learned constants, and the
+// forces of an operator.
+#define PM_MAX_SYMBOLS (6 * PM_MAX_GROUPS + PM_MAX_LEARNED + 1)
 #define PM_MAX_NAME 64
 
 // A named vector [1][size] that an expression may use. `node` is PM_NO_NODE while a spec is only
@@ -73,8 +75,6 @@ pm_node pm_inverse_logarithmic_mean(pm_graph *g, pm_node a, pm_node b);
 // Returns the divided difference of sin or cos, component by component, between a and b.
 pm_node pm_trigonometric_difference(pm_graph *g, bool sine, pm_node a, pm_node b);
 
-// Returns the sum [1][1] of the squares of the negative components of x [1][n].
-pm_node pm_negative_squared(pm_graph *g, pm_node x);
 // Returns, for each component, the divided difference of min(x,0)^2 between `from` and `to`, all
 // [1][n].
 pm_node pm_negative_squared_slope(pm_graph *g, pm_node from, pm_node to);

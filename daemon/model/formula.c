@@ -425,8 +425,10 @@ static pm_node build_step(pm_graph *g, const pm_step *s, const pm_symbols *symbo
         return pm_exp(g, value[s->a]);
     case PM_STEP_LN:
         return pm_log(g, value[s->a]);
-    case PM_STEP_NEGATIVE_SQUARED:
-        return pm_negative_squared(g, value[s->a]);
+    case PM_STEP_NEGATIVE_SQUARED: {
+        const pm_node negative = pm_mul(g, value[s->a], pm_is_negative(g, value[s->a]));
+        return pm_dot(g, negative, negative);
+    }
     case PM_STEP_SIN:
         return pm_sin(g, value[s->a]);
     case PM_STEP_COS:

@@ -542,9 +542,9 @@ static pm_node apply_projected(const construction *c, pm_node d, pm_node normal)
     return rate;
 }
 
-// Returns the rate of an operator with `heats` (dissipation.h).
-static pm_node apply_dissipation(const construction *c, const pm_params *params, pm_node d,
-                                 pm_node normal) {
+// Returns the processes of an operator with `heats` (dissipation.h), without their strength.
+static pm_dissipation dissipation_of(const construction *c, const pm_params *params, pm_node d,
+                                     pm_node normal) {
     pm_graph *g = c->g;
     const pm_operator_spec *spec = c->op->spec;
     const pm_node rows = from_frame(c, pm_transpose(g, c->matrix));
@@ -572,19 +572,35 @@ static pm_node apply_dissipation(const construction *c, const pm_params *params,
             shared ? pm_network_param(g, params, c->op->prefix, "ratio_power") : PM_NO_NODE,
         .strength = PM_NO_NODE,
     };
-    if (spec->strength != NULL) {
-        pm_operator_name name;
-        pm_operator_join(name, c->op->prefix, "strength");
-        dissipation.strength =
-            pm_network_build(g, spec->strength, &c->site->symbols, spec->rank, params, name);
-    }
     for (int i = 0; i < c->support.ngroup; ++i) {
         const bool heated = pm_is_listed(spec->nheats, spec->heats, c->support.group[i]->name);
         for (int k = 0; k < c->support.group[i]->size && heated; ++k) {
             dissipation.heat[dissipation.nheat++] = c->support.first[i] + k;
         }
     }
-    return pm_dissipation_build(g, &dissipation);
+    return dissipation;
+}
+
+// Adds what drives each process, "force" [1][rank], to the symbols of a site for a strength.
+static pm_symbols with_force(const pm_operator *op, const pm_site *site, pm_node force) {
+    pm_symbols symbols = site->symbols;
+    pm_symbols_add_one(&symbols, "force", op->spec->rank, force);
+    return symbols;
+}
+
+static pm_node apply_dissipation(const construction *c, const pm_params *params, pm_node d,
+                                 pm_node normal) {
+    const pm_operator_spec *spec = c->op->spec;
+    pm_dissipation dissipation = dissipation_of(c, params, d, normal);
+    if (spec->strength != NULL) {
+        pm_operator_name name;
+        pm_operator_join(name, c->op->prefix, "strength");
+        const pm_symbols symbols =
+            with_force(c->op, c->site, pm_dissipation_force(c->g, &dissipation));
+        dissipation.strength =
+            pm_network_build(c->g, spec->strength, &symbols, spec->rank, params, name);
+    }
+    return pm_dissipation_build(c->g, &dissipation);
 }
 
 // Restricts a row [1][site->n] to the support [1][support.n].
@@ -597,13 +613,10 @@ static pm_node restrict_to(const construction *c, pm_node x) {
     return pm_concat(c->g, c->support.ngroup, part);
 }
 
-pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
-                          const pm_params *params, pm_node driving, pm_node normal,
-                          pm_node *degeneracy) {
+// Begins the construction with the scales, the frame and the learned matrix.
+static construction construct(pm_graph *g, const pm_operator *op, const pm_site *site,
+                              const pm_params *params) {
     const pm_operator_spec *spec = op->spec;
-    if (!pm_operator_exists(spec) || driving == PM_NO_NODE) {
-        return PM_NO_NODE;
-    }
     construction c = {.g = g,
                       .op = op,
                       .site = site,
@@ -632,6 +645,17 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
             c.matrix = pm_sub(g, c.matrix, pm_transpose(g, c.matrix));
         }
     }
+    return c;
+}
+
+pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *site,
+                          const pm_params *params, pm_node driving, pm_node normal,
+                          pm_node *degeneracy) {
+    const pm_operator_spec *spec = op->spec;
+    if (!pm_operator_exists(spec) || driving == PM_NO_NODE) {
+        return PM_NO_NODE;
+    }
+    const construction c = construct(g, op, site, params);
     const pm_node d = restrict_to(&c, driving);
     const pm_node n = normal == PM_NO_NODE ? PM_NO_NODE : restrict_to(&c, normal);
     pm_node rate = PM_NO_NODE;
@@ -773,7 +797,8 @@ static pm_status declare_split(const pm_operator *op, const pm_site *site, pm_pa
     if (spec->strength != NULL) { // its outputs start at zero, so that all strengths are 1
         pm_operator_join(name, op->prefix, "strength");
         const size_t length = strlen(name);
-        PM_TRY(pm_network_declare(spec->strength, &site->symbols, rank, NULL, params, name));
+        const pm_symbols symbols = with_force(op, site, PM_NO_NODE);
+        PM_TRY(pm_network_declare(spec->strength, &symbols, rank, NULL, params, name));
         pm_param_entry *weight =
             pm_params_find(params, pm_operator_join(output, name, "output.weight"));
         if (weight != NULL) {
@@ -878,8 +903,9 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
     return spec->learned ? declare_matrix(op, site, &s, params) : PM_OK;
 }
 
-pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
-                            void *context) {
+pm_status pm_operator_visit(pm_graph *g, const pm_operator *op, const pm_site *site,
+                            const pm_params *params, pm_node driving, pm_node normal,
+                            pm_normaliser_visit *visit, void *context) {
     const pm_operator_spec *spec = op->spec;
     if (!pm_operator_exists(spec)) {
         return PM_OK;
@@ -907,8 +933,12 @@ pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_norma
         PM_TRY(visit(context, &along));
     }
     pm_operator_name name;
-    if (spec->strength != NULL) {
-        PM_TRY(pm_network_visit(spec->strength, &site->symbols,
+    if (spec->strength != NULL && driving != PM_NO_NODE && normal != PM_NO_NODE) {
+        const construction c = construct(g, op, site, params);
+        const pm_dissipation processes =
+            dissipation_of(&c, params, restrict_to(&c, driving), restrict_to(&c, normal));
+        const pm_symbols symbols = with_force(op, site, pm_dissipation_force(g, &processes));
+        PM_TRY(pm_network_visit(spec->strength, &symbols,
                                 pm_operator_join(name, op->prefix, "strength"), visit, context));
     }
     return spec->learned

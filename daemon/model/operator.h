@@ -47,9 +47,11 @@ pm_node pm_operator_build(pm_graph *g, const pm_operator *op, const pm_site *sit
                           pm_node *degeneracy);
 
 // Visits the constants that training fixes from the data: the scales, the lengths of `along`, and
-// those of the network. Passes on the status of `visit`.
-pm_status pm_operator_visit(const pm_operator *op, const pm_site *site, pm_normaliser_visit *visit,
-                            void *context);
+// those of the networks. `driving` and `normal` are those of pm_operator_build. Passes on the
+// status of `visit`.
+pm_status pm_operator_visit(pm_graph *g, const pm_operator *op, const pm_site *site,
+                            const pm_params *params, pm_node driving, pm_node normal,
+                            pm_normaliser_visit *visit, void *context);
 
 // Returns the number of rows that a group of this size has in the frame (spec.h): one for each
 // vector of `along` if the group is a vector, else one for each component.

@@ -639,6 +639,6 @@ pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE,
     PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));
     PM_TRY(pm_potential_visit(&part->spec.entropy, &site.symbols, "entropy", visit, context));
     PM_TRY(pm_potential_visit(&part->spec.coenergy, &site.symbols, "coenergy", visit, context));
-    PM_TRY(pm_operator_visit(&L, &site, visit, context));
-    return pm_operator_visit(&M, &site, visit, context);
+    PM_TRY(pm_operator_visit(g, &L, &site, &part->params, dE, dS, visit, context));
+    return pm_operator_visit(g, &M, &site, &part->params, dS, dE, visit, context);
 }

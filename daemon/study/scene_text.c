@@ -81,29 +81,8 @@ static void print_list(FILE *file, const char *name, const double *value, int si
     fputs("]", file);
 }
 
-// Writes boundary inputs with the constants mean [n] as a mapping in one line.
-static void print_inputs(FILE *file, const pm_physics *physics, const double *mean) {
-    for (int i = 0; i < physics->nboundary_input; ++i) {
-        const pm_scene_boundary_input *input = &physics->boundary_input[i];
-        const pm_layout *layout = &input->layout;
-        const double *state = mean + input->first, *dE = state + layout->nz, *dS = dE + layout->nz;
-        fprintf(file, "%s%s: {", i > 0 ? ", " : "{", input->name);
-        for (int k = 0; k < layout->ngroup; ++k) {
-            const pm_group *g = &layout->group[k];
-            fprintf(file, "%s%s: {unit: \"%s\"", k > 0 ? ", " : "", g->name, g->unit);
-            print_list(file, ", value: [", state + g->first, g->size);
-            print_list(file, ", dE: [", dE + g->first, g->size);
-            if (input->entropy) {
-                print_list(file, ", dS: [", dS + g->first, g->size);
-            }
-            fputs("}", file);
-        }
-        fputs("}", file);
-    }
-    fputs("}", file);
-}
-
 pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *inputs) {
+    const pm_physics *physics = &inputs->scene->physics;
     const long end = inputs->end;
     char *section = NULL;
     size_t size;
@@ -118,8 +97,26 @@ pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *in
             mean[i] += value[i] / (double)end;
         }
     }
-    if (file != NULL) {
-        print_inputs(file, &inputs->scene->physics, mean);
+    if (file != NULL) { // as a mapping in one line
+        for (int i = 0; i < physics->nboundary_input; ++i) {
+            const pm_scene_boundary_input *input = &physics->boundary_input[i];
+            const pm_layout *layout = &input->layout;
+            const double *state = mean + input->first, *dE = state + layout->nz,
+                         *dS = dE + layout->nz;
+            fprintf(file, "%s%s: {", i > 0 ? ", " : "{", input->name);
+            for (int k = 0; k < layout->ngroup; ++k) {
+                const pm_group *g = &layout->group[k];
+                fprintf(file, "%s%s: {unit: \"%s\"", k > 0 ? ", " : "", g->name, g->unit);
+                print_list(file, ", value: [", state + g->first, g->size);
+                print_list(file, ", dE: [", dE + g->first, g->size);
+                if (input->entropy) {
+                    print_list(file, ", dS: [", dS + g->first, g->size);
+                }
+                fputs("}", file);
+            }
+            fputs("}", file);
+        }
+        fputs("}", file);
     }
     const bool made = file != NULL && fclose(file) == 0;
     const pm_status status = made ? pm_scene_text_put(text, "boundary_inputs", section)

@@ -164,7 +164,7 @@ grep -v "^#" "$folder/proposed.yaml" | grep -q nan && fail "propose: a number is
 
 # Without structure: one subsystem with one port to what the inputs follow.
 succeed "wrote" propose "$folder/drive.yaml" --data "$folder/drive.h5" --form free -o "$folder/free.yaml"
-sed -i -e 's/iterations: [0-9]*, batch: 8192/iterations: 6, batch: 8192/' -e '/optimiser: .*robust/d' -e 's/hidden: \[32\]/hidden: [4]/' \
+sed -i -e 's/iterations: [0-9]*, batch: 2048/iterations: 6, batch: 2048/' -e '/optimiser: .*robust/d' -e 's/hidden: \[32\]/hidden: [4]/' \
     "$folder/free.yaml"
 succeed "Verdict: " fit "$folder/free.yaml" -o "$folder/free"
 

@@ -266,26 +266,6 @@ static void a_proposal_names_them(void **state) {
     pm_dataset_free(d);
 }
 
-// An iteration on little data is cheap, so that a stage may have more of them.
-static void little_data_have_more_iterations(void **state) {
-    (void)state;
-    enum { COPIES = 20 };
-    static const char *const column[] = {"x1", "p1", "s1", "x2", "p2", "s2"};
-    char text[PM_PROPOSAL_TEXT];
-    pm_dataset *little = make_data(), *much = NULL;
-    propose_text(scene_text, little, text);
-    assert_proposal_says(text, "iterations: 960, batch: 8192, residual: derivative");
-    assert_int_equal(pm_dataset_new(&much, 5 * COPIES, 60, 6, 0.05, column), PM_OK);
-    for (int i = 0; i < 5 * COPIES; ++i) {
-        memcpy(pm_dataset_state(much, i, 0), pm_dataset_state(little, i % 5, 0),
-               (size_t)60 * 6 * sizeof(double));
-    }
-    propose_text(scene_text, much, text);
-    assert_proposal_says(text, "iterations: 240, batch: 8192, residual: derivative");
-    pm_dataset_free(much);
-    pm_dataset_free(little);
-}
-
 // Lengths in mm and entropies in kJ/K: coefficients carry the factors of the units.
 static void units_with_prefixes_give_coefficients(void **state) {
     (void)state;
@@ -480,7 +460,6 @@ int main(void) {
         cmocka_unit_test(a_dataset_is_sorted_by_the_choice),
         cmocka_unit_test(data_say_what_moves_with_what),
         cmocka_unit_test(a_proposal_names_them),
-        cmocka_unit_test(little_data_have_more_iterations),
         cmocka_unit_test(units_with_prefixes_give_coefficients),
         cmocka_unit_test(a_rotor_shares_the_energy_of_its_body),
         cmocka_unit_test(a_flux_moves_two_charges),

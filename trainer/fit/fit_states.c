@@ -10,9 +10,8 @@
 #include "inference/spectrum.h"
 
 // Training begins again with other initial weights if the best rollouts on the validation part have
-// more than this fraction of the error of persistence, or so many times what a short fit reached.
-#define UNLUCKY 0.02
-#define TIMES_REACHED 3
+// more than this fraction of the error of persistence.
+#define UNLUCKY 0.005
 #define MOST_ATTEMPTS 3
 // Other weights are drawn before the training where the squared residual of rates is above
 // BAD_START times the square of their size, as long as that lowers it by FALLS.
@@ -325,20 +324,17 @@ static pm_status start(pm_fit *f) {
 }
 
 static pm_status run(pm_fit *f) {
-    const double reached = f->training->reached * TIMES_REACHED;
-    const double unlucky = reached > 0 && reached < UNLUCKY ? reached : UNLUCKY;
     pm_status status = run_stages(f);
     // The best weights may be so bad on the validation part that other initial weights are worth
     // the time, and so are they where the loss has not been finite from the beginning.
     const bool whole = f->arguments->effort == NULL;
     while ((status == PM_OK || status == PM_ENUMERIC) && whole && !f->expired &&
            f->training->tries > 1 && f->position.attempt + 1 < MOST_ATTEMPTS &&
-           (status == PM_ENUMERIC || f->position.best > unlucky)) {
+           (status == PM_ENUMERIC || f->position.best > UNLUCKY)) {
         ++f->position.attempt;
         begin_stage(f, 0);
         if (status == PM_OK) {
-            printf("rollouts on the validation part are %s: other initial weights are tried\n",
-                   f->position.best > UNLUCKY ? "bad" : "worse than those of a short fit");
+            printf("rollouts on the validation part are bad: other initial weights are tried\n");
         } else {
             printf("%s: other initial weights are tried\n", pm_error());
         }

@@ -92,21 +92,18 @@ static void find_efforts(const collection *c, const pm_normaliser *n, set *s) {
     }
 }
 
-// Returns true if the features are those of a strength and contain co-energies.
-static bool is_driven_strength(const pm_normaliser *n) {
-    static const char suffix[] = ".strength";
-    const size_t length = strlen(n->prefix);
-    bool driven = false;
-    for (int i = 0; i < n->count; ++i) {
-        driven = driven || strstr(n->expression[i], "dE.") != NULL;
-    }
-    return driven && n->kind == PM_NORMALISE_FEATURES && length >= sizeof suffix &&
-           strcmp(n->prefix + length + 1 - sizeof suffix, suffix) == 0;
-}
-
 static pm_status collect(void *context, const pm_normaliser *n) {
     collection *c = context;
-    if (c->strengths && !is_driven_strength(n)) {
+    static const char suffix[] = ".strength";
+    const size_t length = strlen(n->prefix);
+    bool driven = false; // a strength with features that contain co-energies or forces
+    for (int i = 0; i < n->count; ++i) {
+        driven = driven || strstr(n->expression[i], "dE.") != NULL ||
+                 pm_feature_mentions(n->expression[i], "force");
+    }
+    driven = driven && n->kind == PM_NORMALISE_FEATURES && length >= sizeof suffix &&
+             strcmp(n->prefix + length + 1 - sizeof suffix, suffix) == 0;
+    if (c->strengths && !driven) {
         return PM_OK;
     }
     if (c->count == MAX_SETS) {

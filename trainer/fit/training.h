@@ -41,7 +41,6 @@ typedef struct pm_training {
     const char *from;   // path of the weights with which attempt 0 starts; NULL: draws
     int tries;          // initial draws to choose from (fit/start.h)
     int try_iterations; // iterations of each draw in the first round
-    double reached;     // by rollouts of a short fit, relative to persistence; 0: not known
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
     uint64_t digest; // of all inputs that determine the result, except the data and the stages

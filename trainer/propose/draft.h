@@ -36,13 +36,13 @@ typedef enum pm_answer {
     PM_BY_COMPONENTS,
     PM_BY_BOTH, // lengths and components
     PM_BY_SINES,
-    PM_JOINT,         // one function of all variables
-    PM_SEPARATE,      // a function of each variable, as in networks of stores
-    PM_OF_MOTION,     // on what changes its sign when time runs backwards
-    PM_REDUCED,       // 1 K, not 300 K
-    PM_LARGE,         // networks that are twice as wide, and heat between any two bodies
-    PM_EXCHANGE,      // what leaves one end of a port enters the other
-    PM_BY_DIFFERENCES // functions of the differences of co-energies at both ends, and of entropies
+    PM_JOINT,     // one function of all variables
+    PM_SEPARATE,  // a function of each variable, as in networks of stores
+    PM_OF_MOTION, // on what changes its sign when time runs backwards
+    PM_REDUCED,   // 1 K, not 300 K
+    PM_LARGE,     // networks that are twice as wide, and heat between any two bodies
+    PM_EXCHANGE,  // what leaves one end of a port enters the other
+    PM_BY_FORCES  // functions of what drives each process, and of entropies
 } pm_answer;
 
 typedef struct pm_draft {
@@ -55,9 +55,7 @@ typedef struct pm_draft {
     int (
         *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0
     pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
-    bool sketch;       // small networks, for short fits that compare hypotheses
     const char *start; // the file with which the fit starts (search.h); NULL: it draws
-    double reached;    // by rollouts of a short fit (search.h); 0: not known
     const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;
 

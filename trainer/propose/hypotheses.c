@@ -25,8 +25,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_REDUCED] = "1 K, as in reduced units",
                                     [PM_LARGE] = "larger",
                                     [PM_EXCHANGE] = "by what one end loses and the other gains",
-                                    [PM_BY_DIFFERENCES] =
-                                        "a function of differences of co-energies"};
+                                    [PM_BY_FORCES] = "a function of what drives it"};
 
 // Adds a question with `count` answers.
 static void ask(pm_draft *d, pm_question question, int component, int count,
@@ -53,10 +52,12 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
         text[i] = words[answer[i]];
     }
     const int id = pm_hypotheses_add(&d->space, name, count, text);
+    if (id >= 0) {
+        d->space.choice[id].kind = 1 + (int)question;
+    }
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || answer[i] == PM_BY_DIFFERENCES ||
-                            answer[i] == PM_SEPARATE;
+                            answer[i] == PM_EXCHANGE || answer[i] == PM_SEPARATE;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     // The groups of the subsystem, or those that the ends of the port expose.
@@ -143,7 +144,7 @@ void pm_draft_ask(pm_draft *d) {
                                            PM_NONE},
                            turning[] = {PM_AS_FOUND,     PM_BY_SINES, PM_BY_STATES,
                                         PM_BY_POSITIONS, PM_CONSTANT, PM_NONE},
-                           strength[] = {PM_AS_FOUND, PM_BY_COENERGIES, PM_BY_DIFFERENCES},
+                           strength[] = {PM_AS_FOUND, PM_BY_COENERGIES, PM_BY_FORCES},
                            exchange[] = {PM_EXCHANGE, PM_AS_FOUND, PM_EXCHANGE},
                            // Friction between an orbit and a spin that favours no direction
                            // turns with the orbit.
@@ -201,7 +202,11 @@ void pm_draft_ask(pm_draft *d) {
             } else if (n.stays) {
                 ask(d, PM_ASK_FRICTION, component, 2, friction);
             }
-            ask(d, PM_ASK_STRENGTH, component, pairs > 0 ? 3 : 2, strength);
+            ask(d, PM_ASK_STRENGTH, component, d->p->form == PM_HARD ? 3 : 2, strength);
+            const int id = d->asked[component][PM_ASK_STRENGTH];
+            if (pairs > 0 && d->p->form == PM_HARD && id >= 0) { // with what an end loses
+                d->space.choice[id].simplest = 2;
+            }
         }
         if (n.heat > 0 && n.lossy > 1 && n.position) {
             const bool turns = d->rotates != PM_ROTATION_NONE && n.moves && n.spins;

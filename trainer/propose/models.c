@@ -9,11 +9,11 @@
 // Hidden units. Networks that are too large train slowly; these were enough for all systems of the
 // zoo (tests/bench/zoo).
 #define ENERGY_OF_ONE "[8]" // the energy of one input, of two or three, and of more
-#define ENERGY_OF_FEW "[12, 12]"
-#define ENERGY_OF_MANY "[16, 16]"
-#define ENERGY_OF_SKETCH "[6]"
+#define ENERGY_OF_FEW "[16]"
+#define ENERGY_OF_MANY "[32]"
 #define ENERGY_OF_LARGE "[24, 24]" // any energy, where larger networks are tried
 #define STRENGTH_WIDTH 6           // of the strengths of dissipative processes
+#define FORCES_WIDTH 8             // likewise, as functions of what drives them
 #define HEAT_WIDTH 6               // of the dependence of heat on other variables
 #define SOFT_WIDTH 8               // of M in the form soft
 #define SPIN_WIDTH 8               // of the energy of rotation
@@ -188,9 +188,17 @@ static void close_strength(const pm_draft *d, pm_answer answer) {
         fprintf(d->file, "], hidden: [%d], skip: linear", SOFT_WIDTH);
     } else { // powers of co-energies are linear in their logarithms; of a difference, which may be
         // zero, they are so in a range alone
-        fprintf(d->file, "], hidden: [%d]%s}", STRENGTH_WIDTH,
-                answer == PM_BY_COENERGIES ? ", skip: linear" : "");
+        fprintf(d->file, "], hidden: [%d]%s}",
+                answer == PM_BY_FORCES ? FORCES_WIDTH : STRENGTH_WIDTH,
+                answer == PM_AS_FOUND ? "" : ", skip: linear");
     }
+}
+
+// Adds what drives each process to the features of a strength. The logarithm shows powers, the sign
+// what lets through one way alone, as a valve or a diode.
+static void add_forces(list *l) {
+    add_name(l, "", "force");
+    fprintf(l->file, ", \"ln(force)\"");
 }
 
 // Adds those groups of a subsystem that change in the data, of a layout if `shown` is not NULL, to
@@ -201,16 +209,15 @@ static void add_strength(const pm_draft *d, list *l, const pm_part_view *v, cons
                          const pm_layout *shown, bool single, pm_answer answer) {
     for (int g = 0; g < v->count; ++g) {
         const bool seen = shown == NULL || pm_layout_find(shown, name_of(v, g)) != NULL;
-        if (!seen || v->group[g].constant) {
+        if (!seen || v->group[g].constant || (answer == PM_BY_FORCES && !is_entropy(v, g))) {
             continue;
         }
         if (answer == PM_BY_COENERGIES) {
-            // A strength depends on the size of a co-energy that is dissipated, not on its sign.
-            if (is_entropy(v, g)) {
-                fprintf(l->file, "%s%sdE.%s", l->count++ > 0 ? ", " : "", before, name_of(v, g));
-            } else if (may_lose(v, g)) {
-                fprintf(l->file, "%s\"ln|%sdE.%s|\"", l->count++ > 0 ? ", " : "", before,
-                        name_of(v, g));
+            // Of velocities and currents the size counts, not the sign.
+            const char *size = v->odd[g] ? "\"|" : "", *end = v->odd[g] ? "|\"" : "";
+            if (is_entropy(v, g) || may_lose(v, g)) {
+                fprintf(l->file, "%s%s%sdE.%s%s", l->count++ > 0 ? ", " : "", size, before,
+                        name_of(v, g), end);
             }
         } else if (single && v->unit[g].known && v->odd[g]) {
             add_quoted(l, "|", before, name_of(v, g));
@@ -264,7 +271,6 @@ static void write_free(const pm_draft *d, const pm_layout *const layout[2],
 static const char *hidden_of(const pm_draft *d, int inputs) {
     const bool large = pm_draft_answer(d, PM_ASK_SIZE, 0) == PM_LARGE;
     return large         ? ENERGY_OF_LARGE
-           : d->sketch   ? ENERGY_OF_SKETCH
            : inputs == 1 ? ENERGY_OF_ONE
            : inputs <= 3 ? ENERGY_OF_FEW
                          : ENERGY_OF_MANY;
@@ -512,10 +518,13 @@ static void write_irreversible(const pm_draft *d, const pm_part_view *v, bool he
         fprintf(d->file, "], skip: quadratic");
     }
     if (d->p->form == PM_SOFT || heats > 0) {
+        const pm_answer answer = ask(d, PM_ASK_STRENGTH, v);
         l = open_strength(d);
-        add_strength(d, &l, v, "", NULL, d->p->form == PM_HARD && count_odd(v, NULL) == 1,
-                     ask(d, PM_ASK_STRENGTH, v));
-        close_strength(d, ask(d, PM_ASK_STRENGTH, v));
+        if (answer == PM_BY_FORCES) {
+            add_forces(&l);
+        }
+        add_strength(d, &l, v, "", NULL, d->p->form == PM_HARD && count_odd(v, NULL) == 1, answer);
+        close_strength(d, answer);
     }
     fprintf(d->file, "}}   # dissipative processes, whose strengths may vary with the state\n");
 }
@@ -916,17 +925,11 @@ static void write_port_irreversible(port_draft *p, int port) {
         fprintf(p->f, "], hidden: [%d]", HEAT_PORT_WIDTH);
     } else { // functions of what both ends expose; a boundary input is no feature
         l = open_strength(d);
-        // What drives an exchange is the difference of two co-energies.
-        for (int g = 0; strength != PM_AS_FOUND && npair > 0 && g < p->shown[0]->ngroup; ++g) {
-            if (partner[g] >= 0) {
-                fprintf(p->f, "%s\"ln|a.dE.%s-b.dE.%s|\"", l.count++ > 0 ? ", " : "",
-                        p->shown[0]->group[g].name, p->shown[1]->group[partner[g]].name);
-            }
-        }
-        if (strength == PM_BY_DIFFERENCES) {
+        if (strength == PM_BY_FORCES) {
+            add_forces(&l);
             add_marked(p, &l, p->entropies);
         }
-        for (int end = 0; end < 2 && strength != PM_BY_DIFFERENCES; ++end) {
+        for (int end = 0; end < 2 && strength != PM_BY_FORCES; ++end) {
             if (p->part[end] != NULL) {
                 add_strength(d, &l, p->part[end], ends[end], p->shown[end],
                              d->p->form == PM_HARD && odd == 1, strength);

@@ -26,16 +26,13 @@
 #define STABLE 2.0
 // The most iterations on derivatives and on steps. A stage ends sooner when it makes no more
 // progress.
-#define DERIVATIVE_ITERATIONS 240
-#define STEP_ITERATIONS 60
+#define DERIVATIVE_ITERATIONS 500
+#define STEP_ITERATIONS 240
 #define TRY_ITERATIONS 40 // of each draw of the first weights: fewer leave some of them astray
-// The samples in a batch, and the work of an iteration, in samples times substeps times variables,
-// up to which there are more iterations, at most MOST_TIMES as many.
-#define DERIVATIVE_BATCH 8192
-#define DERIVATIVE_WORK 20000
-#define STEP_BATCH 2048
-#define STEP_WORK 40000
-#define MOST_TIMES 4
+// Samples of an iteration. Larger batches take longer and lead no further; small ones lack the rare
+// states.
+#define DERIVATIVE_BATCH 2048
+#define STEP_BATCH 1024
 // Median residuals beyond which a sample of a step counts less, so that few bad ones do not decide.
 #define ROBUST 20
 
@@ -52,13 +49,6 @@ static pm_status close_file(FILE *file, const char *path) {
 static double substeps_for(const pm_draft *d, double turn, double decay) {
     const double dt = d->p->scene->physics.dt;
     return fmax(1, ceil(fmax(d->look.fastest * dt / turn, d->look.decay * dt / decay)));
-}
-
-// Returns the most iterations of a stage: the more, the less work each of them is.
-static int iterations_of(const pm_draft *d, int fewest, int batch, int substeps, double little) {
-    const int samples = d->look.samples < batch ? d->look.samples : batch;
-    const double work = (double)samples * substeps * d->p->scene->physics.nz;
-    return (int)(fewest * fmin(fmax(little / work, 1), MOST_TIMES));
 }
 
 // Writes the training file of a vector of hypotheses: what the data show, the models, who has them,
@@ -142,8 +132,6 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
         }
     }
     fprintf(f, "}\n\n");
-    // Derivatives take all samples at once where there are not too many. A random batch lacks most
-    // of the rare states, and the step that is best for it is not the best one for all.
     fputs(d->p->form == PM_FREE
               ? "# A network alone needs no choice of initial weights. It is fitted to "
                 "derivatives, then to single "
@@ -155,23 +143,20 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                 "derivatives "
                 "further,\n# then to single steps.\n",
           f);
-    if (d->p->form != PM_FREE) {
-        fprintf(f, "start: {");
-        fprintf(f, d->start != NULL ? "from: \"%s\", " : "", d->start);
-        fprintf(f, "iterations: %d", TRY_ITERATIONS);
-        fprintf(f, d->reached > 0 ? ", reached: %.3g}\n" : "}\n", d->reached);
+    if (d->start != NULL) {
+        fprintf(f, "start: {from: \"%s\", iterations: %d}\n", d->start, TRY_ITERATIONS);
+    } else if (d->p->form != PM_FREE) {
+        fprintf(f, "start: {iterations: %d}\n", TRY_ITERATIONS);
     }
     fprintf(f, "loss: {residual: step}\nstages:\n");
     fprintf(f, "  - {optimiser: gauss_newton, iterations: %d, batch: %d, residual: derivative}\n",
-            iterations_of(d, DERIVATIVE_ITERATIONS, DERIVATIVE_BATCH, 1, DERIVATIVE_WORK),
-            DERIVATIVE_BATCH);
+            DERIVATIVE_ITERATIONS, DERIVATIVE_BATCH);
     // As fine as training needs, but no finer than the scene.
     const double fine = substeps_for(d, FINE, DECAYS);
     const int most = physics->substeps, substeps = fine < most ? (int)fine : most;
     fprintf(f,
             "  - {optimiser: gauss_newton, iterations: %d, batch: %d, substeps: %d, robust: %d}\n",
-            iterations_of(d, STEP_ITERATIONS, STEP_BATCH, substeps, STEP_WORK), STEP_BATCH,
-            substeps, ROBUST);
+            STEP_ITERATIONS, STEP_BATCH, substeps, ROBUST);
     return close_file(d->file, path);
 }
 
@@ -189,9 +174,7 @@ pm_status pm_propose(const pm_proposal *p, const char *path) {
         pm_draft_ask(&d);
         d.space.write = write_vector;
         d.space.context = &d;
-        d.space.sketch = &d.sketch;
         d.space.start = &d.start;
-        d.space.reached = &d.reached;
         const pm_search_how how = {.budget = p->budget,
                                    .most = PM_SEARCH_SLOW * p->budget,
                                    .loud = p->loud,

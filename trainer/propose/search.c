@@ -30,18 +30,18 @@
 // The error of one step and of rollouts below which nothing else is tried, since a weak friction in
 // wrong directions hardly shows in one step, if a verdict would call each group good, too: where
 // some groups are exact, the mean tells nothing about the others.
-#define ENOUGH 1e-2
+#define ENOUGH 3e-3
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
 #define LEAST_SECONDS 15  // likewise, when the time of the search is nearly over
 #define FOR_FINALISTS 0.3 // of the budget
-#define FOR_ONE_ROUND 0.5
+#define FOR_ONE_ROUND 1.0
 
 // The cost of an iteration of Gauss-Newton on a nominal machine: operations for each residual and
 // pair of weights, for each residual and weight, and operations per second.
 #define PER_PAIR 1.0
 #define PER_WEIGHT 1000.0
-#define SPEED 3e10
+#define SPEED 1e11
 #define PER_STAGE 0.25 // of a step of an integrator, in evaluations of a rate with its derivatives
 
 // Sizes of short fits.
@@ -49,7 +49,7 @@
 #define TRY_ITERATIONS 5
 #define START_ITERATIONS \
     64 // of four draws of 5 iterations, the better half 7 more; of strengths 30
-#define RESIDUALS_PER_WEIGHT 3
+#define RESIDUALS_PER_WEIGHT 5
 #define FEWEST_SAMPLES 256
 #define MOST_SAMPLES 4096
 #define FEWEST_ITERATIONS 30
@@ -150,15 +150,13 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         static const volatile sig_atomic_t never = 0;
         const pm_fit_arguments a = {.config = config, .output = r->folder, .effort = effort};
         pm_fit f;
-        if (space->sketch != NULL) { // of this process alone
-            *space->sketch = effort->stages == 1;
-        }
         pm_status status = space->write(space->context, vector, "", config);
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;
         status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
         status = status == PM_OK && start != NULL ? pm_fit_save_start(&f, start) : status;
         result.failed = status != PM_OK;
+        result.iterations = f.position.done;
         if (!result.failed) {
             list_constants(f.training->system, result.found);
         }
@@ -313,19 +311,25 @@ static bool is_enough(const hypothesis_search *s, const pm_search_trial *t) {
     return all;
 }
 
-// Adds the best vector with another alternative of one choice, or, for choice -1, with the first
-// alternatives where it has the simplest ones, unless it is among the candidates. Returns whether
-// it was added.
-static bool add(hypothesis_search *s, int choice, int alternative) {
+// Adds the best vector with another alternative of one choice, or of all of its kind, or, for
+// choice -1, with the first alternatives where it has the simplest ones, unless it is among the
+// candidates. Returns whether it was added.
+static bool add(hypothesis_search *s, int choice, int alternative, bool alike) {
     const int n = s->space->count;
     int *vector = pm_arena_array(&s->arena, (size_t)n + 1, sizeof *vector);
     if (s->arena.failed || s->ncandidate == MOST_VECTORS) {
         return false;
     }
     memcpy(vector, s->candidate[s->best].vector, (size_t)n * sizeof *vector);
+    const pm_choice *like = choice < 0 ? NULL : &s->space->choice[choice];
     for (int c = 0; c < n; ++c) {
-        const bool simple = choice < 0 && vector[c] == s->space->choice[c].simplest;
+        const pm_choice *own = &s->space->choice[c];
+        const bool simple = choice < 0 && vector[c] == own->simplest;
         vector[c] = c == choice ? alternative : simple ? 0 : vector[c];
+        for (int a = 0; alike && a < own->count && own->kind == like->kind; ++a) {
+            const bool same = strcmp(own->alternative[a], like->alternative[alternative]) == 0;
+            vector[c] = same ? a : vector[c];
+        }
     }
     for (int i = 0; i < s->ncandidate; ++i) {
         if (memcmp(s->candidate[i].vector, vector, (size_t)n * sizeof *vector) == 0) {
@@ -378,7 +382,7 @@ static void name_start(const hypothesis_search *s, int id, char *path) {
 }
 
 // Counts the weights that a fit of a vector learns, and notes what else its cost follows from.
-static pm_status weigh(hypothesis_search *s, const int *vector, bool sketch, int *weights) {
+static pm_status weigh(hypothesis_search *s, const int *vector, int *weights) {
     const pm_hypotheses *space = s->space;
     char path[] = "/tmp/portmet_search_XXXXXX";
     const int file = mkstemp(path);
@@ -387,13 +391,7 @@ static pm_status weigh(hypothesis_search *s, const int *vector, bool sketch, int
     }
     close(file);
     pm_training *t = NULL;
-    if (space->sketch != NULL) {
-        *space->sketch = sketch;
-    }
     pm_status status = space->write(space->context, vector, "", path);
-    if (space->sketch != NULL) {
-        *space->sketch = false;
-    }
     status = status == PM_OK ? pm_training_load(&t, path) : status;
     remove(path);
     PM_TRY(status);
@@ -416,11 +414,11 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
         pm_fit_effort effort[AT_ONCE];
         char path[AT_ONCE][PATH_MAX];
         const char *start[AT_ONCE] = {NULL};
-        double longest = FEWEST_SECONDS;
+        double longest = FEWEST_SECONDS, iteration[AT_ONCE]; // s of an iteration
         for (n = 0; n < AT_ONCE && first + n < count; ++n) {
             int weights = 0;
             vector[n] = s->candidate[which[first + n]].vector;
-            const pm_status weighed = weigh(s, vector[n], stages == 1, &weights);
+            const pm_status weighed = weigh(s, vector[n], &weights);
             PM_TRY(which[first + n] == 0 ? weighed : PM_OK); // what fails here fails as a trial
             effort[n] = effort_for(s, weights, seconds, stages);
             const double cost = seconds_of(s, &effort[n], weights);
@@ -428,6 +426,9 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
                 break;
             }
             s->spent += cost;
+            pm_fit_effort less = effort[n];
+            less.iterations -= 1;
+            iteration[n] = cost - seconds_of(s, &less, weights);
             longest = fmax(longest, SAFETY * cost);
             name_start(s, which[first + n], path[n]);
             start[n] = path[n];
@@ -437,12 +438,14 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
         }
         // The trials end with the time that is left, if it is measured, but not at once.
         const double left = most > 0 ? fmax((most - s->used) / n, LEAST_SECONDS) : INFINITY;
-        const bool kept = s->space->start != NULL && stages > 1;
-        PM_TRY(pm_search_try(s->space, n, vector, effort, fmin(longest, left), kept ? start : NULL,
-                             s->how->stop, trial, &s->used));
+        PM_TRY(pm_search_try(s->space, n, vector, effort, fmin(longest, left),
+                             s->space->start != NULL ? start : NULL, s->how->stop, trial,
+                             &s->used));
         for (int i = 0; i < n; ++i) {
             tried_vector *c = &s->candidate[which[first + i]];
             *(stages > 1 ? &c->last : &c->trial) = trial[i];
+            s->spent -=
+                trial[i].failed ? 0 : iteration[i] * (effort[i].iterations - trial[i].iterations);
             c->tried = true;
             c->finalist = c->finalist || stages > 1;
         }
@@ -470,7 +473,7 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     int which[FINALISTS], count = 0;
     // What was taken because it is simple is compared with what is believed more, by longer fits.
     const int last = s->ncandidate;
-    bool doubt = add(s, -1, 0);
+    bool doubt = add(s, -1, 0, false);
     s->limit = fmax(s->limit, s->spent + s->share);
     PM_TRY(run_new(s, last));
     doubt = doubt && s->ncandidate > last;
@@ -513,6 +516,37 @@ static pm_status decide(hypothesis_search *s, double seconds) {
     return PM_OK;
 }
 
+// Tries the alternatives of all choices of one kind together, one kind after the other: what holds
+// for one component often holds for the others, and shows little as long as it is there alone.
+static pm_status descend_alike(hypothesis_search *s) {
+    const pm_hypotheses *space = s->space;
+    for (int c = 0; c < space->count; ++c) {
+        const pm_choice *choice = &space->choice[c];
+        int alike = 0, before = 0;
+        for (int k = 0; k < space->count; ++k) {
+            alike += space->choice[k].kind == choice->kind;
+            before += k < c && space->choice[k].kind == choice->kind;
+        }
+        if (choice->kind == 0 || alike < 2 || before > 0 ||
+            is_enough(s, &s->candidate[s->best].trial)) {
+            continue;
+        }
+        const int first = s->ncandidate;
+        for (int a = 0; a < choice->count; ++a) {
+            (void)add(s, c, a, true);
+        }
+        PM_TRY(run_new(s, first));
+        const double all = error_of(&s->candidate[s->best].trial);
+        for (int i = first; i < s->ncandidate; ++i) {
+            const double error = error_of(&s->candidate[i].trial);
+            if (error < BETTER * all && error < error_of(&s->candidate[s->best].trial)) {
+                s->best = i;
+            }
+        }
+    }
+    return PM_OK;
+}
+
 // Tries the alternatives of one choice after the other, each time beside the best vector so far,
 // until a whole round changes nothing or the best one is good enough.
 static pm_status descend(hypothesis_search *s, int alternatives) {
@@ -534,6 +568,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     s->limit = (1 - FOR_FINALISTS) * budget;
     // The simplest vector, unless it is clearly worse.
     s->best = other && BETTER * error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
+    PM_TRY(descend_alike(s));
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
         bool asked[PM_SEARCH_CHOICES] = {false};
@@ -556,7 +591,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
                 return PM_OK;
             }
             for (int a = 0; a < choice->count; ++a) {
-                (void)(a != own && add(s, c, a));
+                (void)(a != own && add(s, c, a, false));
             }
             PM_TRY(run_new(s, first));
             for (int i = first; i < s->ncandidate; ++i) {
@@ -665,16 +700,12 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     name_start(s, s->best, own);
     name_start(s, -1, start);
     // Draws may be better than bad weights.
-    const bool good = s->candidate[s->best].last.score.rollout < PM_VERDICT_GOOD;
-    const bool starts =
-        space->start != NULL && s->candidate[s->best].finalist && good && rename(own, start) == 0;
+    const bool good = s->candidate[s->best].tried &&
+                      latest(&s->candidate[s->best])->score.rollout < PM_VERDICT_GOOD;
+    const bool starts = space->start != NULL && good && rename(own, start) == 0;
     if (starts) {
         const char *slash = strrchr(start, '/');
         *space->start = slash == NULL ? start : slash + 1;
-    }
-    const pm_search_trial *last = latest(&s->candidate[s->best]);
-    if (space->reached != NULL && s->candidate[s->best].tried && isfinite(last->score.rollout)) {
-        *space->reached = last->score.rollout;
     }
     status = fflush(comment) == 0
                  ? space->write(space->context, s->candidate[s->best].vector, text, path)
@@ -685,7 +716,7 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
 done:
     for (int i = 0; i < s->ncandidate; ++i) {
         name_start(s, i, own);
-        (void)(space->start != NULL && s->candidate[i].finalist && remove(own));
+        (void)(space->start != NULL && s->candidate[i].tried && remove(own));
     }
     fclose(comment);
     free(text);

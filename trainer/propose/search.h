@@ -2,11 +2,12 @@
 // alternatives in the order in which they are believed before any trial. A writer turns a vector,
 // one alternative for each choice, into a training file. A trial is a short fit of that file in a
 // process of its own, measured on the validation part. The search begins with the vector of first
-// alternatives or, unless it is clearly worse, that of the simplest ones, tries the alternatives of
-// one choice after the other, first of that whose groups have the largest errors, and keeps what
-// lowers the error of one step of these groups, until nothing does; the
-// best few are then fitted longer, and their rollouts decide (coordinate descent, and a last round
-// of successive halving, Jamieson, Talwalkar, AISTATS 2016).
+// alternatives or, unless it is clearly worse, that of the simplest ones, tries the same
+// alternative of all choices of one kind together, then the alternatives of one choice after the
+// other, first of that whose groups have the largest errors, and keeps what lowers the error of one
+// step of these groups, until nothing does; the best few are then fitted longer, and their rollouts
+// decide (coordinate descent, and a last round of successive halving, Jamieson, Talwalkar, AISTATS
+// 2016).
 //
 // The same space, data and budget give the same vector: the budget is turned into a number of
 // trials and of iterations by a nominal speed. A clock ends the search on slow machines alone.
@@ -35,6 +36,7 @@ typedef struct pm_choice {
     int count;                 // number of alternatives, at least 1
     int simplest; // the alternative with the fewest functions; these are also tried all together
     const char *alternative[PM_SEARCH_ALTERNATIVES]; // [count] in words; static or borrowed texts
+    int kind; // choices of one kind, not 0, ask the same about different components
     // The groups of the scene whose rates it changes (fit/fit.h: pm_fit_score), a bit for each; 0:
     // asked last.
     unsigned long long acts_on;
@@ -49,14 +51,9 @@ typedef struct pm_hypotheses {
     // its data.
     pm_status (*write)(void *context, const int *chosen, const char *comment, const char *path);
     void *context;
-    // Set while the files of short fits are written, which may have smaller networks; or NULL.
-    bool *sketch;
     // Set while the file of the winner is written, to the name of the file beside it with which its
-    // fit starts, where a longer fit of the winner has left its weights; or NULL.
+    // fit starts, where a short fit of the winner has left its weights; or NULL.
     const char **start;
-    // Likewise, to the error of the rollouts of a short fit, relative to persistence, or 0; or
-    // NULL.
-    double *reached;
 } pm_hypotheses;
 
 typedef struct pm_search_how {
@@ -90,6 +87,7 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
 // The result of a trial.
 typedef struct pm_search_trial {
     pm_fit_score score;      // infinite where the fit has failed
+    int iterations;          // of the last stage: it ends sooner when it makes no more progress
     bool failed, unfinished; // unfinished: it took too long, or ended by a fault
     char reason[128];        // why it has failed
     // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""

@@ -102,8 +102,10 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
                        pm_normaliser_visit *visitor, void *context) {
     const pm_site site = site_of(port, g, end);
     const pm_operator L = reversible(port), M = irreversible(port);
-    PM_TRY(pm_operator_visit(&L, &site, visitor, context));
-    return pm_operator_visit(&M, &site, visitor, context);
+    const pm_node e = both_ends(g, port, end[0].e, end[1].e);
+    const pm_node eta = both_ends(g, port, end[0].eta, end[1].eta);
+    PM_TRY(pm_operator_visit(g, &L, &site, &port->params, e, eta, visitor, context));
+    return pm_operator_visit(g, &M, &site, &port->params, eta, e, visitor, context);
 }
 
 const pm_port_law pm_law_bracket = {

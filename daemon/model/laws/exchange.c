@@ -122,8 +122,10 @@ static pm_status visit(const pm_port_model *port, pm_graph *g, const pm_port_nod
         }
         PM_TRY(pm_potential_visit(&port->spec.energy, symbols, b.energy, visitor, context));
         PM_TRY(pm_potential_visit(&port->spec.entropy, symbols, b.entropy, visitor, context));
-        PM_TRY(pm_operator_visit(&b.L, &site, visitor, context));
-        PM_TRY(pm_operator_visit(&b.M, &site, visitor, context));
+        PM_TRY(pm_operator_visit(g, &b.L, &site, &port->params, PM_NO_NODE, PM_NO_NODE, visitor,
+                                 context));
+        PM_TRY(pm_operator_visit(g, &b.M, &site, &port->params, PM_NO_NODE, PM_NO_NODE, visitor,
+                                 context));
     }
     return PM_OK;
 }
