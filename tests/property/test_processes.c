@@ -209,49 +209,98 @@ static void strengths_follow_the_choice_of_initial_weights(void **state) {
     pm_training_free(t);
 }
 
-// What leaves a.p enters b.p, energy stays the same, and entropy grows, for random weights.
+// Computes the rates of both ends of the port, p and s of each, in a state with these co-energies.
+static void rates_of(const pm_training *t, double value[6][2], double rate[4]) {
+    const pm_port_model *port = t->system->port[0];
+    pm_graph *g = NULL;
+    pm_program *program = NULL;
+    pm_port_nodes end[2];
+    pm_node output[2], degeneracy = PM_NO_NODE;
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    for (int i = 0; i < 2; ++i) {
+        end[i] =
+            (pm_port_nodes){pm_param(g, value[3 * i], 1, 2), pm_param(g, value[3 * i + 1], 1, 2),
+                            pm_param(g, value[3 * i + 2], 1, 2), PM_NO_NODE};
+    }
+    for (int i = 0; i < 2; ++i) {
+        output[i] = port->law->rate(g, port, (pm_end)i, end, &degeneracy);
+    }
+    assert_int_equal(pm_program_open(&program, g, 2, output, 1), PM_OK);
+    pm_program_run(program, 1);
+    for (int i = 0; i < 4; ++i) {
+        rate[i] = pm_program_value(program, output[i / 2])[i % 2];
+    }
+    pm_program_close(program);
+    pm_graph_close(g);
+}
+
+// What leaves a.p enters b.p, energy stays the same, and entropy grows, for random weights. The
+// strength depends on the difference of the velocities, or on what drives each process.
 static void what_one_group_loses_another_gains(void **state) {
     (void)state;
-    pm_training *t =
-        open_training_with("acts_on: [a.p, a.s, b.s], against: [b.p], rank: 2, "
-                           "strength: {features: [\"ln|a.dE.p-b.dE.p|\"], hidden: [3]}");
-    pm_port_model *port = t->system->port[0];
-    pm_rng rng;
-    pm_rng_init(&rng, 1, 0);
-    for (int k = 0; k < 20; ++k) {
-        pm_graph *g = NULL;
-        pm_params_randomise(&port->params, &rng);
-        assert_int_equal(pm_graph_open(&g), PM_OK);
-        pm_port_nodes end[2];
-        pm_node output[2], degeneracy = PM_NO_NODE;
-        double value[6][2]; // of each end: p and s, dE, dS
-        for (int i = 0; i < 6; ++i) {
-            value[i][0] = i % 3 == 2 ? 0 : pm_rng_normal(&rng);
-            value[i][1] = i % 3 == 0 ? 0.1 : i % 3 == 1 ? 300 + 20 * pm_rng_normal(&rng) : 1;
+    static const char *const features[] = {"\"ln|a.dE.p-b.dE.p|\"", "force, \"ln(force)\", a.s"};
+    for (int which = 0; which < 2; ++which) {
+        char groups[200];
+        snprintf(groups, sizeof groups,
+                 "acts_on: [a.p, a.s, b.s], against: [b.p], rank: 2, strength: {features: [%s], "
+                 "hidden: [3]}",
+                 features[which]);
+        pm_training *t = open_training_with(groups);
+        pm_rng rng;
+        pm_rng_init(&rng, 1, 0);
+        for (int k = 0; k < 20; ++k) {
+            double value[6][2], rate[4], twice[4]; // of each end: p and s, dE, dS
+            pm_params_randomise(&t->system->port[0]->params, &rng);
+            for (int i = 0; i < 6; ++i) {
+                value[i][0] = i % 3 == 2 ? 0 : pm_rng_normal(&rng);
+                value[i][1] = i % 3 == 0 ? 0.1 : i % 3 == 1 ? 300 + 20 * pm_rng_normal(&rng) : 1;
+            }
+            rates_of(t, value, rate);
+            const double power[] = {value[1][0] * rate[0], value[1][1] * rate[1],
+                                    value[4][0] * rate[2], value[4][1] * rate[3]};
+            assert_true(fabs(rate[0]) > 0);
+            assert_true(fabs(rate[0] + rate[2]) <= 1e-12 * fabs(rate[0]));
+            assert_true(fabs(power[0] + power[1] + power[2] + power[3]) <=
+                        1e-9 * (fabs(power[1]) + fabs(power[3])));
+            assert_true(rate[1] + rate[3] > 0);
+            // Where the strength is not constant, friction is not linear.
+            value[1][0] *= 2;
+            value[4][0] *= 2;
+            rates_of(t, value, twice);
+            assert_true(fabs(twice[0] - 2 * rate[0]) > 1e-4 * fabs(rate[0]));
         }
-        for (int i = 0; i < 2; ++i) {
-            end[i] = (pm_port_nodes){pm_param(g, value[3 * i], 1, 2),
-                                     pm_param(g, value[3 * i + 1], 1, 2),
-                                     pm_param(g, value[3 * i + 2], 1, 2), PM_NO_NODE};
-        }
-        for (int i = 0; i < 2; ++i) {
-            output[i] = port->law->rate(g, port, (pm_end)i, end, &degeneracy);
-        }
-        pm_program *program = NULL;
-        assert_int_equal(pm_program_open(&program, g, 2, output, 1), PM_OK);
-        pm_program_run(program, 1);
-        const double *a = pm_program_value(program, output[0]);
-        const double *b = pm_program_value(program, output[1]);
-        const double power[] = {value[1][0] * a[0], value[1][1] * a[1], value[4][0] * b[0],
-                                value[4][1] * b[1]};
-        assert_true(fabs(a[0]) > 0);
-        assert_true(fabs(a[0] + b[0]) <= 1e-12 * fabs(a[0]));
-        assert_true(fabs(power[0] + power[1] + power[2] + power[3]) <=
-                    1e-9 * (fabs(power[1]) + fabs(power[3])));
-        assert_true(a[1] + b[1] > 0);
-        pm_program_close(program);
-        pm_graph_close(g);
+        pm_training_free(t);
     }
+}
+
+// The statistics of forces are taken when the initial weights have been chosen.
+static void forces_are_normalised(void **state) {
+    (void)state;
+    static const volatile sig_atomic_t stop = 0;
+    pm_training *t = open_training_with("acts_on: [a.p, a.s, b.p, b.s], rank: 3, strength: "
+                                        "{features: [\"ln(force)\"], hidden: [3]}");
+    pm_samples samples;
+    double declared[200], theta[200], loss = INFINITY, *next = declared;
+    for (int i = 0; i < 3; ++i) {
+        pm_params_gather(pm_system_params(t->system, i), next);
+        next += pm_params_trained(pm_system_params(t->system, i));
+    }
+    make_samples(t, PM_RESIDUAL_STEP, &samples);
+    pm_start_draw(t, 0, theta);
+    assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
+    pm_samples_free(&samples);
+    const pm_params *params = pm_system_params(t->system, 2);
+    const pm_param_entry *mean = pm_params_find(params, "irreversible.strength.mean");
+    assert_int_equal(mean->cols, 3);
+    double before[3];
+    memcpy(before, mean->value, sizeof before);
+    make_samples(t, PM_RESIDUAL_DERIVATIVE, &samples);
+    assert_int_equal(pm_start_search(t, &samples, t->seed, declared, theta, &loss, &stop), PM_OK);
+    for (int k = 0; k < 3; ++k) {
+        assert_true(isfinite(mean->value[k]) && fabs(mean->value[k] - before[k]) > 1e-6);
+        assert_true(pm_params_find(params, "irreversible.strength.deviation")->value[k] > 0);
+    }
+    pm_samples_free(&samples);
     pm_training_free(t);
 }
 
@@ -260,6 +309,7 @@ int main(void) {
         cmocka_unit_test(rotations_make_factors_simple),
         cmocka_unit_test(rates_stay_the_same),
         cmocka_unit_test(what_one_group_loses_another_gains),
+        cmocka_unit_test(forces_are_normalised),
         cmocka_unit_test(strengths_follow_the_choice_of_initial_weights),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -177,6 +177,31 @@ static void the_worst_group_is_asked_about_first(void **state) {
     }
 }
 
+// Writes the cubic spring if both ends are stiffer, and else the linear one.
+static pm_status write_ends(void *context, const int *chosen, const char *comment,
+                            const char *path) {
+    const int spring[2] = {chosen[0] == 1 && chosen[1] == 1 ? 2 : 0, 0};
+    return write_training(context, spring, comment, path);
+}
+
+// What lowers the error only if it holds for all components is found if they ask the same.
+static void what_holds_for_all_is_found(void **state) {
+    (void)state;
+    static const char *const end[] = {"linear", "stiffer"};
+    for (int kind = 0; kind < 2; ++kind) {
+        pm_hypotheses space = {.write = write_ends};
+        char path[64], text[TEXT];
+        path_of("result.yaml", path);
+        pm_hypotheses_add(&space, "left", 2, end);
+        pm_hypotheses_add(&space, "right", 2, end);
+        space.choice[0].kind = space.choice[1].kind = kind;
+        const pm_search_how how = {.budget = 5};
+        assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_OK);
+        read_result(path, text);
+        assert_int_equal(strstr(text, "# * left: stiffer; right: stiffer (") != NULL, kind == 1);
+    }
+}
+
 static void without_a_budget_nothing_is_tried(void **state) {
     char text[TEXT];
     (void)state;
@@ -203,6 +228,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_data_decide),
         cmocka_unit_test(the_worst_group_is_asked_about_first),
+        cmocka_unit_test(what_holds_for_all_is_found),
         cmocka_unit_test(without_a_budget_nothing_is_tried),
         cmocka_unit_test(an_interrupted_search_ends),
     };

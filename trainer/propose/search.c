@@ -27,6 +27,7 @@
 // What a change must reach of the error before, to be kept: other draws of the first weights alone
 // change the error of a short fit by up to two times.
 #define BETTER 0.5
+#define BETTER_ALIKE 0.75 // likewise of a change of all choices of a kind, of which there are few
 // The error of one step and of rollouts below which nothing else is tried, since a weak friction in
 // wrong directions hardly shows in one step, if a verdict would call each group good, too: where
 // some groups are exact, the mean tells nothing about the others.
@@ -311,6 +312,20 @@ static bool is_enough(const hypothesis_search *s, const pm_search_trial *t) {
     return all;
 }
 
+// Adds a vector unless it is among the candidates. Returns whether it was added.
+static bool add_new(hypothesis_search *s, const int *vector) {
+    for (int i = 0; i < s->ncandidate; ++i) {
+        if (memcmp(s->candidate[i].vector, vector, (size_t)s->space->count * sizeof *vector) == 0) {
+            return false;
+        }
+    }
+    if (s->ncandidate == MOST_VECTORS) {
+        return false;
+    }
+    s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
+    return true;
+}
+
 // Adds the best vector with another alternative of one choice, or of all of its kind, or, for
 // choice -1, with the first alternatives where it has the simplest ones, unless it is among the
 // candidates. Returns whether it was added.
@@ -331,13 +346,7 @@ static bool add(hypothesis_search *s, int choice, int alternative, bool alike) {
             vector[c] = same ? a : vector[c];
         }
     }
-    for (int i = 0; i < s->ncandidate; ++i) {
-        if (memcmp(s->candidate[i].vector, vector, (size_t)n * sizeof *vector) == 0) {
-            return false;
-        }
-    }
-    s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
-    return true;
+    return add_new(s, vector);
 }
 
 // --- costs ---
@@ -539,10 +548,39 @@ static pm_status descend_alike(hypothesis_search *s) {
         const double all = error_of(&s->candidate[s->best].trial);
         for (int i = first; i < s->ncandidate; ++i) {
             const double error = error_of(&s->candidate[i].trial);
-            if (error < BETTER * all && error < error_of(&s->candidate[s->best].trial)) {
+            if (error < BETTER_ALIKE * all && error < error_of(&s->candidate[s->best].trial)) {
                 s->best = i;
             }
         }
+    }
+    return PM_OK;
+}
+
+// Tries all changes of the best vector together that have lowered the error, each of them too
+// little to be kept. Where several change the same choice, the one with the least error counts.
+static pm_status try_together(hypothesis_search *s) {
+    const int n = s->space->count, first = s->ncandidate;
+    const tried_vector *best = &s->candidate[s->best];
+    int *vector = pm_arena_array(&s->arena, (size_t)n + 1, sizeof *vector);
+    double *least = pm_arena_array(&s->arena, (size_t)n + 1, sizeof *least);
+    PM_TRY(pm_arena_status(&s->arena, "a search"));
+    memcpy(vector, best->vector, (size_t)n * sizeof *vector);
+    for (int i = 0; i < s->ncandidate; ++i) {
+        const double error = error_of(&s->candidate[i].trial);
+        for (int c = 0; c < n && error < error_of(&best->trial); ++c) {
+            if (s->candidate[i].vector[c] != best->vector[c] &&
+                !(error >= least[c] && least[c] > 0)) {
+                vector[c] = s->candidate[i].vector[c];
+                least[c] = error;
+            }
+        }
+    }
+    if (add_new(s, vector)) {
+        PM_TRY(run_new(s, first));
+    }
+    for (int i = first; i < s->ncandidate; ++i) {
+        s->best =
+            error_of(&s->candidate[i].trial) < error_of(&s->candidate[s->best].trial) ? i : s->best;
     }
     return PM_OK;
 }
@@ -569,6 +607,7 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
     // The simplest vector, unless it is clearly worse.
     s->best = other && BETTER * error_of(&s->candidate[1].trial) < error_of(&s->candidate[0].trial);
     PM_TRY(descend_alike(s));
+    PM_TRY(try_together(s));
     bool goes_on = true;
     for (int round = 0; round < ROUNDS && goes_on; ++round) {
         bool asked[PM_SEARCH_CHOICES] = {false};
@@ -604,6 +643,10 @@ static pm_status descend(hypothesis_search *s, int alternatives) {
                 }
             }
         }
+        const int before_all = s->best;
+        s->limit = fmax(s->limit, s->spent + s->share);
+        PM_TRY(try_together(s));
+        goes_on = goes_on || s->best != before_all;
     }
     return PM_OK;
 }
