@@ -71,7 +71,7 @@ pm_status pm_potential_declare(const pm_potential_spec *spec, const pm_symbols *
         term_prefix term;
         if (spec->term[i].nthermal == 0 &&
             (spec->term[i].exponentials > 0 || spec->term[i].temperature > 0 ||
-             spec->term[i].separate)) {
+             spec->term[i].separate || spec->term[i].rising)) {
             return pm_spec_locate(spec->term[i].at,
                                   pm_fail(PM_ECONFIG, "only the energy of an entropy variable has "
                                                       "a temperature and exponentials"));

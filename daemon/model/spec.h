@@ -145,6 +145,7 @@ typedef struct pm_network_spec {
     int nthermal;
     int exponentials;   // of a thermal energy: number of summands
     bool separate;      // of a thermal energy: each component has summands of its own
+    bool rising;        // of a thermal energy: heat capacities may rise with the temperature
     double temperature; // K, of a thermal energy: the temperature with which training starts
     bool scaled;        // the output is multiplied by the constant ".unit", which training fixes
     double spread;      // standard deviation of the initial values; 0: the default. Not in files

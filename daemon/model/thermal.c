@@ -13,6 +13,10 @@
 // The smallest exponent. With a smaller one the temperature would be constant over the data, and
 // (exp(b s) - 1)/b would lose its digits.
 #define SMALLEST_EXPONENT 1e-5
+// The square root of k with which training starts, and the smallest k: below, ln(1 + k exp(u))/k
+// would lose its digits.
+#define FIRST_BEND 0.3
+#define SMALLEST_BEND 1e-4
 
 typedef char thermal_name[160];
 
@@ -54,6 +58,11 @@ pm_status pm_thermal_declare(const pm_network_spec *spec, const pm_symbols *symb
                               join(name, prefix, "body")));
     PM_TRY(pm_params_add(params, join(name, prefix, "exponent"), n, spec->exponentials, true,
                          EXPONENT_SPREAD, log(FIRST_EXPONENT)));
+    if (spec->rising) {
+        thermal_name bend;
+        PM_TRY(pm_params_add(params, join(bend, prefix, "bend"), rows, spec->exponentials, true, 0,
+                             FIRST_BEND));
+    }
     double *exponent = pm_params_find(params, name)->value;
     for (int i = 0; i < n * spec->exponentials; ++i) {
         exponent[i] = log(FIRST_EXPONENT) + i % spec->exponentials * log(NEXT_EXPONENT);
@@ -131,8 +140,19 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     const pm_node h = pm_reshape(g, pm_slice(g, out, 1, rows * count), rows, count);
     const pm_node shift = pm_mul(g, h, r.beta);
     // The part of the heat at s = mean that f can stand for.
-    const pm_node own = pm_add(g, shift, pm_scale(g, pm_square(g, shift), 0.5));
-    const pm_node stored = pm_sub(g, pm_offset(g, pm_exp(g, pm_add(g, r.form, shift)), -1), own);
+    const pm_node half = pm_scale(g, pm_square(g, shift), 0.5);
+    pm_node stored;
+    if (spec->rising) {
+        const pm_node root = pm_network_param(g, params, prefix, "bend");
+        const pm_node k = pm_offset(g, pm_square(g, root), SMALLEST_BEND);
+        const pm_node sum = pm_offset(g, k, 1), form = pm_exp(g, pm_add(g, r.form, shift));
+        const pm_node bent = pm_log(g, pm_offset(g, pm_mul(g, k, form), 1));
+        const pm_node risen = pm_mul(g, pm_div(g, sum, k), pm_sub(g, bent, pm_log(g, sum)));
+        stored = pm_sub(g, risen, pm_add(g, shift, pm_div(g, half, sum)));
+    } else {
+        const pm_node own = pm_add(g, shift, half);
+        stored = pm_sub(g, pm_offset(g, pm_exp(g, pm_add(g, r.form, shift)), -1), own);
+    }
     const pm_node heats = pm_dot(g, pm_div(g, pm_exp(g, size), r.height), stored);
     const pm_node heat =
         pm_scale(g, pm_sum_to(g, heats, (pm_shape){true, 1, 1}), spec->temperature);

@@ -1,18 +1,25 @@
 // Energies whose temperature and heat capacity are positive for all weights. The energy is a
 // function of the entropies s and of other features x:
 //     E = unit f(x) + Theta w sum_i A_i H_i/B_i
-//     H_i = exp(b_i . (s - mean)/deviation + y_i) - 1 - y_i - y_i^2/2,   y_i = beta_i h_i(x)
-//     A_i > 0,   sum_i A_i = 1,   b_i > 0
-//     beta_i = mean over k of b_ik,   B_i = mean over k of b_ik/deviation_k
+//     H_i = exp(u_i) - 1 - y_i - y_i^2/2,   u_i = b_i . (s - mean)/deviation + y_i,   y_i = beta_i
+//     h_i(x) A_i > 0,   sum_i A_i = 1,   b_i > 0 beta_i = mean over k of b_ik,   B_i = mean over k
+//     of b_ik/deviation_k
 // Here i counts the exponentials and k the entropies. Theta is `temperature` of the spec, in K. The
 // factor w of Theta is learned, starts at 1, and is one number for the whole system (see below).
 // Every summand contains the exponential of an increasing linear form of s, so that dE/ds > 0 and E
 // is convex in s. For one entropy the temperature at s = mean and h = 0 is Theta w. f and h are the
 // outputs of one network of x, whose parameters have names that begin with "<prefix>.body". A body
 // of constant heat capacity with thermal expansion (h is how far expansion shifts its entropy), an
-// ideal gas (h linear, f quadratic in ln v), and sums whose heat capacity rises with temperature
+// ideal gas (h linear, f quadratic in ln v), and sums whose heat capacity falls with temperature
 // have exactly this form. Since h is multiplied by beta, it shifts the entropy by an amount that
 // does not depend on the heat capacity.
+//
+// With `rising` of the spec heat capacities may also rise with the temperature, as those of metals
+// do:
+//     H_i = (1 + k_i)/k_i ln(1 + k_i exp(u_i)) - its value at u = 0 - y_i - y_i^2/2/(1 + k_i), k_i
+//     > 0
+// where k -> 0 is the exponential. It is convex and rises in u as well, with the slope 1 at u = 0,
+// and the heat capacity of one summand is (1 + k exp(u))/b.
 //
 // With `separate` of the spec every component of the entropies has exponentials of its own, and E
 // is the sum over the components k of
@@ -31,8 +38,8 @@
 // should describe. Conductances are proportional to w, too (dissipation.h).
 //
 // The other parameters are "<prefix>.mean" and ".deviation" of the entropies, ".unit",
-// ".amplitude", of which A is the softmax, and ".exponent". A single exponential has no
-// ".amplitude".
+// ".amplitude", of which A is the softmax, ".exponent", and with `rising` ".bend", of which k is
+// the square. A single exponential has no ".amplitude".
 //
 // In all functions `spec` has nthermal > 0, and its last nthermal features are the entropies.
 // `prefix` is the beginning of the names of all parameters of this energy. A "[1][sum of sizes]"

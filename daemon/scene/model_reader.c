@@ -122,6 +122,7 @@ static pm_status read_term(pm_yaml item, pm_arena *arena, pm_network_spec *term)
         {PM_YAML_DOUBLE("temperature", &own.temperature, COLDEST, HOTTEST)},
         {PM_YAML_BOOL("scaled", &own.scaled)},
         {PM_YAML_BOOL("separate", &own.separate)},
+        {PM_YAML_BOOL("rising", &own.rising)},
         {0}};
     PM_TRY(pm_yaml_read(item, arena, keys));
     PM_TRY(make_network(&v, item, arena, term));
@@ -129,6 +130,7 @@ static pm_status read_term(pm_yaml item, pm_arena *arena, pm_network_spec *term)
     term->temperature = own.temperature;
     term->scaled = own.scaled;
     term->separate = own.separate;
+    term->rising = own.rising;
     if (pm_yaml_exists(thermal)) {
         const char **names = NULL;
         PM_TRY(pm_yaml_texts(thermal, arena, &term->nthermal, &names));
@@ -707,6 +709,7 @@ static void write_potential(FILE *file, const char *key, const pm_potential_spec
             fprintf(file, ", exponentials: %d", term->exponentials);
             write_number(file, ", temperature: ", term->temperature);
             fputs(term->separate ? ", separate: true" : "", file);
+            fputs(term->rising ? ", rising: true" : "", file);
         } else if (term->scaled) {
             fputs(", scaled: true", file);
         }

@@ -167,7 +167,7 @@ static void a_force_shows_a_logarithm(void **state) {
     char text[PM_PROPOSAL_TEXT];
     propose_link(stretched_rate, text);
     assert_proposal_says(text, "- {features: [\"ln|q|\"], hidden");
-    assert_proposal_says(text, "- {features: [\"ln|q|\", s], hidden");
+    assert_proposal_says(text, "- {features: [\"ln|q|\", s], rising: true, hidden");
 }
 
 static void friction_has_no_direction(void **state) {

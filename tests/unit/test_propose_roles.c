@@ -208,7 +208,7 @@ static void momenta_do_not_warm_a_body(void **state) {
     char text[PM_PROPOSAL_TEXT];
     propose(FLYWHEEL, swing(1, 1), text);
     assert_proposal_says(text, "- {features: [L, q], hidden");
-    assert_proposal_says(text, "- {features: [q, s], hidden");
+    assert_proposal_says(text, "- {features: [q, s], rising: true, hidden");
 }
 
 #define STRING                                                                                    \
@@ -252,7 +252,7 @@ static void a_string_in_a_field_has_a_length(void **state) {
     char text[PM_PROPOSAL_TEXT];
     propose(STRING, hang(1.2), text);
     assert_proposal_says(text, "- {features: [\"|q|\", q], hidden");
-    assert_proposal_says(text, "- {features: [\"|q|\", q, s], hidden");
+    assert_proposal_says(text, "- {features: [\"|q|\", q, s], rising: true, hidden");
     propose(STRING, hang(0.1), text);
     assert_proposal_says(text, "- {features: [q], hidden");
 }
@@ -300,8 +300,8 @@ static void the_answers_about_a_scene_are_written(void **state) {
         draft_part(scene, data, PM_ASK_SIZE, i, text);
         assert_proposal_says(text, i == 1 ? "acts_on: [s], rank: 6" : "acts_on: [s], rank: 3");
         draft_part(scene, data, PM_ASK_TEMPERATURE, i, text);
-        assert_proposal_says(text,
-                             i == 1 ? "{features: [s], temperature: 1e+03}" : "{features: [s]}");
+        assert_proposal_says(text, i == 1 ? "{features: [s], temperature: 1e+03}"
+                                          : "{features: [s], rising: true}");
     }
     pm_dataset_free(data);
 }

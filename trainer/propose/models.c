@@ -341,7 +341,7 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         }
         const bool coupled = l.count > 0;
         add_name(&l, "", name_of(v, g));
-        fprintf(f, "]");
+        fprintf(f, "], rising: true");
         if (coupled) {
             fprintf(f, ", hidden: [%d], skip: quartic", HEAT_WIDTH);
         }

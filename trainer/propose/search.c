@@ -31,7 +31,7 @@
 // The error of one step and of rollouts below which nothing else is tried, since a weak friction in
 // wrong directions hardly shows in one step, if a verdict would call each group good, too: where
 // some groups are exact, the mean tells nothing about the others.
-#define ENOUGH 3e-3
+#define ENOUGH 3e-4
 #define SAFETY 20         // the limit of CPU time of a trial over its nominal time
 #define FEWEST_SECONDS 60 // of this limit
 #define LEAST_SECONDS 15  // likewise, when the time of the search is nearly over
