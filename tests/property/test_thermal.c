@@ -37,6 +37,7 @@ static void temperatures_and_heat_capacities_are_positive(void **state) {
                                       .nthermal = 2,
                                       .exponentials = 1 + trial % 3,
                                       .separate = trial % 2 == 1,
+                                      .rising = trial % 4 < 2,
                                       .temperature = 300,
                                       .scaled = true};
         assert_int_equal(pm_graph_open(&g), PM_OK);
@@ -102,6 +103,44 @@ static void check_near(const char *what, double value, double expected, double t
     }
 }
 
+// The capacity 1/(d ln T/ds) of one summand rises by the factor (1 + k exp(b s))/(1 + k) from s = 0
+// on, where k is the square of the bend, and is constant but for 1e-4 without a bend.
+static void heat_capacities_rise(void **state) {
+    (void)state;
+    static const char *const features[] = {"x", "s"};
+    const pm_network_spec spec = {.nfeature = 2,
+                                  .feature = features,
+                                  .skip = PM_SKIP_LINEAR,
+                                  .nthermal = 1,
+                                  .exponentials = 1,
+                                  .rising = true,
+                                  .temperature = 300,
+                                  .scaled = true};
+    pm_symbols symbols = {0};
+    pm_params params = {0};
+    pm_symbols_add_one(&symbols, "x", 1, PM_NO_NODE);
+    pm_symbols_add_one(&symbols, "s", 1, PM_NO_NODE);
+    assert_int_equal(pm_thermal_declare(&spec, &symbols, &params, "e"), PM_OK);
+    const double b = 0.4;
+    *pm_params_find(&params, "e.exponent")->value = log(b);
+    for (int bent = 0; bent < 2; ++bent) {
+        const double h = 1e-3, k = bent ? 0.49 : 0;
+        double z[6][2] = {{0}}, slope[6][2], capacity[2];
+        *pm_params_find(&params, "e.bend")->value = sqrt(k);
+        for (int i = 0; i < 6; ++i) {
+            z[i][1] = (i < 3 ? 0 : 2) + (i % 3 - 1) * h;
+        }
+        look(&spec, &params, 6, (const double(*)[2])z, slope);
+        for (int i = 0; i < 2; ++i) {
+            capacity[i] = 2 * h / log(slope[3 * i + 2][1] / slope[3 * i][1]);
+        }
+        check_near("the temperature", slope[1][1], 300, 1e-9);
+        check_near("the capacity", capacity[0] * b, 1 + k, 1e-3);
+        check_near("how it rises", capacity[1] / capacity[0], (1 + k * exp(2 * b)) / (1 + k), 1e-3);
+    }
+    pm_params_free(&params);
+}
+
 // The common factor of all temperatures offsets them: their differences, and the forces, change by
 // a small part of the relative change of the temperatures.
 static void warmth_is_an_offset_of_temperatures(void **state) {
@@ -158,6 +197,7 @@ static void thermal_energies_have_discrete_derivatives(void **state) {
                                   .skip = PM_SKIP_QUADRATIC,
                                   .nthermal = 1,
                                   .exponentials = 2,
+                                  .rising = true,
                                   .temperature = 300,
                                   .scaled = true,
                                   .spread = 0.5};
@@ -204,6 +244,7 @@ static void thermal_energies_have_discrete_derivatives(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(temperatures_and_heat_capacities_are_positive),
+        cmocka_unit_test(heat_capacities_rise),
         cmocka_unit_test(warmth_is_an_offset_of_temperatures),
         cmocka_unit_test(thermal_energies_have_discrete_derivatives),
     };

@@ -372,7 +372,8 @@ static void test_physics_round_trip(void **state) {
         "true}}\n"
         "energy:\n"
         "  - \"|p|^2/(2*m)\"\n"
-        "  - {features: [x], thermal: [s, r], hidden: [4], exponentials: 3, temperature: 290.0, "
+        "  - {features: [x], thermal: [s, r], hidden: [4], exponentials: 3, rising: true, "
+        "temperature: 290.0, "
         "separate: true}\n"
         "  - {features: [x], hidden: [4], scaled: true}\n"
         "entropy: {given: [s, r]}\n"
@@ -392,7 +393,7 @@ static void test_physics_round_trip(void **state) {
         const pm_network_spec *thermal = &spec.energy.term[0];
         assert_names(thermal->nfeature, thermal->feature, "x s r");
         assert_true(thermal->nthermal == 2 && thermal->exponentials == 3 && thermal->scaled);
-        assert_true(thermal->temperature == 290 && thermal->separate);
+        assert_true(thermal->temperature == 290 && thermal->separate && thermal->rising);
         assert_true(spec.energy.term[1].scaled && spec.energy.term[1].nthermal == 0);
         assert_true(spec.reversible.given[0].cross && !spec.reversible.given[1].cross);
         assert_names(spec.irreversible.nheats, spec.irreversible.heats, "s r");

@@ -300,9 +300,37 @@ static void the_answers_about_a_scene_are_written(void **state) {
         draft_part(scene, data, PM_ASK_SIZE, i, text);
         assert_proposal_says(text, i == 1 ? "acts_on: [s], rank: 6" : "acts_on: [s], rank: 3");
         draft_part(scene, data, PM_ASK_TEMPERATURE, i, text);
-        assert_proposal_says(text, i == 1 ? "{features: [s], temperature: 1e+03}"
+        assert_proposal_says(text, i == 1 ? "{features: [s], rising: true, temperature: 1e+03}"
                                           : "{features: [s], rising: true}");
     }
+    pm_dataset_free(data);
+}
+
+// Amounts in mol make an ideal mixture, in the units of the scene, or what networks find.
+static void amounts_make_a_mixture(void **state) {
+    (void)state;
+    static const char *const column[] = {"a", "b", "c", "s"};
+    static const char scene[] =
+        "scene: reactor\n"
+        "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
+        "subsystems:\n"
+        "  reactor: {weights: a.h5, state: {A: {unit: mmol, columns: [a]}, n: {unit: mol, columns: "
+        "[b, c]}, s: {unit: J/K, columns: [s]}}}\n";
+    char text[PM_PROPOSAL_TEXT];
+    pm_dataset *data = NULL;
+    assert_int_equal(pm_dataset_new(&data, 3, 50, 4, 0.1, column), PM_OK);
+    for (int i = 0; i < 3 * 50 * 4; ++i) {
+        data->z[i] = 2 + sin(0.37 * i + i % 7);
+    }
+    draft_part(scene, data, PM_ASK_KINETIC, 0, text);
+    assert_proposal_says(text, "- \"2494.2*(0.001*A*u1+n[0]*u2+n[1]*u3)\"");
+    assert_proposal_says(text, "- \"300*(w+0.001*A*c1+n[0]*c2+n[1]*c3)*(exp((s-s0-8.314*("
+                               "0.001*A*(z1-ln(0.001*A)+ln(0.001*A+n[0]+n[1]))+n[0]*(z2-ln(n[0])"
+                               "+ln(0.001*A+n[0]+n[1]))+n[1]*(z3-ln(n[1])+ln(0.001*A+n[0]+n[1]))"
+                               "))/(w+0.001*A*c1+n[0]*c2+n[1]*c3))-1)\"");
+    assert_proposal_says(text, "c3: {learned: 50, positive: true}, u3: {learned: 0.0}");
+    draft_part(scene, data, PM_ASK_KINETIC, 1, text);
+    assert_proposal_says(text, "- {features: [A, n], hidden");
     pm_dataset_free(data);
 }
 
@@ -316,6 +344,7 @@ int main(void) {
         cmocka_unit_test(momenta_do_not_warm_a_body),
         cmocka_unit_test(a_string_in_a_field_has_a_length),
         cmocka_unit_test(the_answers_about_a_scene_are_written),
+        cmocka_unit_test(amounts_make_a_mixture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

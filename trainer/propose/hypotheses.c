@@ -21,6 +21,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_SINES] = "of sine and cosine",
                                     [PM_JOINT] = "one function of all variables",
                                     [PM_SEPARATE] = "a function of each variable",
+                                    [PM_MIXTURE] = "those of an ideal mixture",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_REDUCED] = "1 K, as in reduced units",
                                     [PM_LARGE] = "larger",
@@ -56,8 +57,9 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
         d->space.choice[id].kind = 1 + (int)question;
     }
     for (int i = 0; id >= 0 && i < count; ++i) {
+        const bool separate = answer[i] == PM_SEPARATE && answer[0] != PM_MIXTURE;
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || answer[i] == PM_SEPARATE;
+                            answer[i] == PM_EXCHANGE || separate;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     // The groups of the subsystem, or those that the ends of the port expose.
@@ -91,14 +93,19 @@ typedef struct inventory {
     bool position;   // a variable that does not, and is no entropy
     bool vector;     // such a variable of two or three components
     bool angle, turns, apart;
-    int shares;        // variables that may share a term of the energy
-    bool moves, spins; // friction may act on an odd vector, and on an odd scalar
+    int shares;          // variables that may share a term of the energy
+    int amounts, others; // components in mol, and of all that is neither this nor an entropy
+    bool moves, spins;   // friction may act on an odd vector, and on an odd scalar
 } inventory;
 
 static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
+    const pm_unit mol = pm_unit_parse("mol");
     for (int g = 0; g < v->count; ++g) {
         const pm_group *group = v->group[g].group;
         const bool even = v->unit[g].known && !v->odd[g];
+        const bool amount = pm_unit_equal(&v->unit[g], &mol);
+        n->amounts += amount ? group->size : 0;
+        n->others += amount || v->kind[g] == PM_VIEW_ENTROPY ? 0 : group->size;
         if (v->group[g].constant || (shown != NULL && pm_layout_find(shown, group->name) == NULL)) {
             continue;
         }
@@ -153,7 +160,8 @@ void pm_draft_ask(pm_draft *d) {
                            heat[] = {PM_AS_FOUND, PM_ALONE},
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
-                           terms[] = {PM_AS_FOUND, PM_SEPARATE, PM_JOINT};
+                           terms[] = {PM_AS_FOUND, PM_SEPARATE, PM_JOINT},
+                           mixture[] = {PM_MIXTURE, PM_AS_FOUND, PM_SEPARATE};
     static const pm_answer joint[] = {PM_AS_FOUND, PM_JOINT},
                            temperature[] = {PM_AS_FOUND, PM_REDUCED},
                            size[] = {PM_AS_FOUND, PM_LARGE};
@@ -199,7 +207,7 @@ void pm_draft_ask(pm_draft *d) {
                 port == NULL ? 0 : pm_draft_exchange(d, component - physics->nsubsystem, partner);
             if (pairs > 0) {
                 ask(d, PM_ASK_FRICTION, component, 2, exchange + !opposite(d, port, partner));
-            } else if (n.stays) {
+            } else if (n.stays && n.odd) {
                 ask(d, PM_ASK_FRICTION, component, 2, friction);
             }
             ask(d, PM_ASK_STRENGTH, component, d->p->form == PM_HARD ? 3 : 2, strength);
@@ -215,7 +223,9 @@ void pm_draft_ask(pm_draft *d) {
         if (port == NULL && n.vector) {
             ask(d, PM_ASK_ENERGY, component, d->rotates != PM_ROTATION_NONE ? 3 : 2, energy);
         }
-        if (port == NULL && n.shares > (n.apart ? 2 : 1)) {
+        if (port == NULL && n.amounts > 1 && n.others == 0 && n.heat == 1) {
+            ask(d, PM_ASK_KINETIC, component, 3, mixture);
+        } else if (port == NULL && n.shares > (n.apart ? 2 : 1)) {
             ask(d, PM_ASK_KINETIC, component, n.apart ? 3 : 2, terms);
         } else if (port == NULL && n.apart) {
             ask(d, PM_ASK_KINETIC, component, 2, joint);

@@ -26,6 +26,9 @@
 #define FREE_WIDTH_OF_MANY 24
 #define MANY_SUBSYSTEMS 3
 
+#define GAS_CONSTANT 8.314       // J/(mol K)
+#define CAPACITY_OF_SPECIES 50.0 // J/(mol K), with which training starts
+#define CAPACITY_OF_VESSEL 800.0 // likewise, relative to the deviations of the amounts
 #define MOST_BODIES 5 // up to which any two of one operator may exchange heat by a law of their own
 #define NEAR_ZERO 0.02     // a vector that comes so near zero, relative to its deviation
 #define AWAY_FROM_ZERO 0.5 // a vector that stays so far from zero
@@ -276,8 +279,77 @@ static const char *hidden_of(const pm_draft *d, int inputs) {
                          : ENERGY_OF_MANY;
 }
 
+// Writes a component of a variable in SI units.
+static void write_component(const pm_draft *d, const pm_part_view *v, int g, int c) {
+    if (v->unit[g].factor < 1 || v->unit[g].factor > 1) {
+        write_number(d->file, v->unit[g].factor);
+        fputc('*', d->file);
+    }
+    fprintf(d->file, size_of(v, g) > 1 ? "%s[%d]" : "%s", name_of(v, g), c);
+}
+
+// Writes a sum over all amounts, each multiplied by a constant of this name and the number of the
+// species, or by nothing if the name is empty.
+static void write_sum(const pm_draft *d, const pm_part_view *v, const char *constant) {
+    for (int g = 0, k = 0; g < v->count; ++g) {
+        for (int c = 0; !is_entropy(v, g) && c < size_of(v, g); ++c) {
+            fprintf(d->file, k++ > 0 ? "+" : "");
+            write_component(d, v, g, c);
+            if (*constant != '\0') {
+                fprintf(d->file, "*%s%d", constant, k);
+            }
+        }
+    }
+}
+
+// Writes the energy of an ideal mixture of species with constant heat capacities in a vessel, as a
+// function of the entropy: with the capacity C = w + sum c n and the entropy of mixing S0 = s0 +
+// R sum n (z - ln x) it is sum u n + 300 K C (exp((s - S0)/C) - 1).
+static void write_mixture(const pm_draft *d, const pm_part_view *v) {
+    FILE *f = d->file;
+    double amount = 0; // mol, a typical one
+    int species = 0, entropy = 0;
+    for (int g = 0; g < v->count; ++g) {
+        entropy = is_entropy(v, g) ? g : entropy;
+        amount += is_entropy(v, g) ? 0 : size_of(v, g) * v->group[g].deviation * v->unit[g].factor;
+        species += is_entropy(v, g) ? 0 : size_of(v, g);
+    }
+    fprintf(f, "    constants: {w: {learned: %.3g, positive: true}, s0: {learned: 0.0}",
+            CAPACITY_OF_VESSEL * amount);
+    for (int i = 1; i <= species; ++i) {
+        fprintf(f,
+                ", c%d: {learned: %.3g, positive: true}, u%d: {learned: 0.0}, z%d: {learned: 0.0}",
+                i, CAPACITY_OF_SPECIES, i, i);
+    }
+    fprintf(f, "}\n    energy:\n      - \"%g*(", GAS_CONSTANT * PM_DEFAULT_TEMPERATURE);
+    write_sum(d, v, "u");
+    fprintf(f, ")\"\n      - \"%g*(w+", PM_DEFAULT_TEMPERATURE);
+    write_sum(d, v, "c");
+    fprintf(f, ")*(exp((");
+    write_component(d, v, entropy, 0);
+    fprintf(f, "-s0-%g*(", GAS_CONSTANT);
+    for (int g = 0, k = 0; g < v->count; ++g) {
+        for (int c = 0; !is_entropy(v, g) && c < size_of(v, g); ++c) {
+            fprintf(f, k > 0 ? "+" : "");
+            write_component(d, v, g, c);
+            fprintf(f, "*(z%d-ln(", ++k);
+            write_component(d, v, g, c);
+            fprintf(f, ")+ln(");
+            write_sum(d, v, "");
+            fprintf(f, "))");
+        }
+    }
+    fprintf(f, "))/(w+");
+    write_sum(d, v, "c");
+    fprintf(f, "))-1)\"\n");
+}
+
 static void write_energy(const pm_draft *d, const pm_part_view *v) {
     FILE *f = d->file;
+    if (ask(d, PM_ASK_KINETIC, v) == PM_MIXTURE) {
+        write_mixture(d, v);
+        return;
+    }
     bool done[PM_MAX_GROUPS] = {false};
     fprintf(f, "    energy:\n");
     // The energy of rotation may depend on variables without a role, such as the angular momentum
