@@ -32,6 +32,7 @@
 #define ALL_TIMES 100        // or times as many as the scene makes
 #define SHARE 0.7            // of the budget that they are planned to take
 #define KEPT 0.1             // of the budget, for other starts
+#define ALIKE 0.05           // logarithm of the ratio of two times that count as equal
 #define TRIAL 0.1            // s of CPU time in which the cost of a step is measured
 #define CERTAIN 100          // by how much the references agree better than the best setting
 #define MOST_GROUPS 64       // names of groups
@@ -406,7 +407,9 @@ static pm_status report(const bench *b, double target) {
     if (!json) {
         const double faster = times_faster(own, best);
         char scene[64] = ", which is the scene's own setting";
-        if (best != own && isfinite(own->error)) {
+        if (best != own && fabs(log(faster)) < ALIKE) {
+            snprintf(scene, sizeof scene, ": as fast as the scene");
+        } else if (best != own && isfinite(own->error)) {
             snprintf(scene, sizeof scene, ": %.1f times %s than the scene",
                      faster >= 1 ? faster : 1 / faster, faster >= 1 ? "faster" : "slower");
         } else if (best != own) {
@@ -447,6 +450,11 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_scene_text_read(b.base.scene->path, &b.text));
     PM_TRY_DONE(pm_scene_text_check(b.text, options->write, options->weights));
     const pm_physics *physics = &b.base.scene->physics;
+    if (b.base.boundary_input.end < options->steps) {
+        PM_TRY_DONE(pm_fail(PM_EUSAGE,
+                            "%s: --steps %g: the table of the inputs ends after %ld steps",
+                            b.base.scene->path, (double)options->steps, b.base.boundary_input.end));
+    }
     const int rounds = physics->substeps * physics->integrator->nstage;
     b.nstart = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1, TRAJECTORIES, STARTS, 0,
                                  &b.base.arena, b.start);
@@ -562,8 +570,9 @@ const pm_command pm_command_bench = {
         "in as\n"
         "many as there are cores, cut by cost, with windows of 1 to 64 steps, and prints what a "
         "step\n"
-        "costs and who waits for whom. It needs a private network, as `portmetd test` does, and\n"
-        "inputs that are constant: a table of inputs would end too soon.",
+        "costs and who waits for whom. It needs a private network, as `portmetd test` does. "
+        "Inputs\n"
+        "that lie in a table keep their means.",
     .examples = "portmetd bench configs/double_pendulum.yaml\n"
                 "portmetd bench scene.yaml --error 1 --write faster.yaml",
     .accepts = "steps weights study error compiled json",

@@ -185,8 +185,11 @@ static pm_status report(stress *t) {
                n[GOOD] + n[DRIFTING] + n[BROKEN], n[GOOD], n[DRIFTING], n[BROKEN], drift, fall,
                steps > 0 ? 100.0 * (double)outside / (double)steps : 0);
         if (broken != NULL) {
-            printf("    the first: dt %g s: %s\n", broken->spec.stepping.dt,
-                   explain(broken, text, sizeof text));
+            printf("    the first: dt %g s", broken->spec.stepping.dt);
+            if (broken->spec.factor > 1) {
+                printf(", inputs times %g", broken->spec.factor);
+            }
+            printf(": %s\n", explain(broken, text, sizeof text));
         } else if (i - 1 == t->many) {
             print_many(&t->rollout[t->many]);
         }

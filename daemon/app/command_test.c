@@ -705,9 +705,10 @@ static pm_status bench_processes(assembly *a) {
         fprintf(a->json, "{\"scene\":\"%s\",\"cores\":%d,\"plain\":%.6g,\"cuts\":[", scene->name,
                 cores, own);
     } else {
-        printf("%s: %d subsystems, %d cores; without LCM a step takes %.4g ms\n\n%9s %6s %10s "
+        printf("%s: %d subsystem%s, %d cores; without LCM a step takes %.4g ms\n\n%9s %6s %10s "
                "%10s   %s\n",
-               scene->name, n, cores, 1e3 * own, "processes", "window", "ms a step", "CPU, ms", "");
+               scene->name, n, n == 1 ? "" : "s", cores, 1e3 * own, "processes", "window",
+               "ms a step", "CPU, ms", "");
     }
     int rows = 0, left = 0;
     for (int k = 0; k < NCUT * NWINDOW && status == PM_OK; ++k) {

@@ -89,13 +89,18 @@ pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *in
     if (inputs->n == 0 || end == LONG_MAX) {
         return PM_OK;
     }
-    double *mean = calloc(2 * (size_t)inputs->n, sizeof *mean), *value = mean + inputs->n;
+    double *mean = calloc(3 * (size_t)inputs->n, sizeof *mean), *value = mean + inputs->n;
+    double *first = value + inputs->n;
     FILE *file = mean == NULL ? NULL : open_memstream(&section, &size);
     for (long step = 0; step < end && file != NULL; ++step) {
         pm_boundary_input_at(inputs, step, 0, value);
-        for (int i = 0; i < inputs->n; ++i) {
-            mean[i] += value[i] / (double)end;
+        for (int i = 0; i < inputs->n; ++i) { // a constant stays as it is
+            first[i] = step == 0 ? value[i] : first[i];
+            mean[i] += (value[i] - first[i]) / (double)end;
         }
+    }
+    for (int i = 0; i < inputs->n && file != NULL; ++i) {
+        mean[i] += first[i];
     }
     if (file != NULL) { // as a mapping in one line
         for (int i = 0; i < physics->nboundary_input; ++i) {
