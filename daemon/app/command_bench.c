@@ -407,7 +407,7 @@ static pm_status report(const bench *b, double target) {
     if (!json) {
         const double faster = times_faster(own, best);
         char scene[64] = ", which is the scene's own setting";
-        if (best != own && fabs(log(faster)) < ALIKE) {
+        if (best != own && isfinite(own->error) && fabs(log(faster)) < ALIKE) {
             snprintf(scene, sizeof scene, ": as fast as the scene");
         } else if (best != own && isfinite(own->error)) {
             snprintf(scene, sizeof scene, ": %.1f times %s than the scene",

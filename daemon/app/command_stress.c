@@ -89,8 +89,7 @@ static void measure(void *context, int i) {
             snprintf(r->result.why, sizeof r->result.why, "%s", pm_error());
         }
         pm_setup_free(&setup);
-        if (r->refused || judge(r) == BROKEN || !(r->longer || r->larger) ||
-            r->result.steps < LEAST_STEPS) {
+        if (r->refused || judge(r) == BROKEN || !(r->longer || r->larger)) {
             break;
         }
         r->spec.stepping.dt *= r->longer ? 2 : 1;

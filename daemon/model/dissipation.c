@@ -44,7 +44,7 @@ static pm_node positive(pm_graph *g, pm_node x) {
     return pm_sqrt(g, pm_offset(g, pm_square(g, x), SMALLEST_SQUARE));
 }
 
-// What the rate and the forces of all processes are made of.
+// The nodes that the rate and the forces of all processes share.
 typedef struct processes {
     pm_node share;       // lambda [rank][nheat]: each row has the sum 1
     pm_node rest;        // 1 - lambda

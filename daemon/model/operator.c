@@ -588,6 +588,7 @@ static pm_symbols with_force(const pm_operator *op, const pm_site *site, pm_node
     return symbols;
 }
 
+// Returns the rate of an operator with `heats`.
 static pm_node apply_dissipation(const construction *c, const pm_params *params, pm_node d,
                                  pm_node normal) {
     const pm_operator_spec *spec = c->op->spec;

@@ -1,9 +1,10 @@
 // Energies whose temperature and heat capacity are positive for all weights. The energy is a
 // function of the entropies s and of other features x:
 //     E = unit f(x) + Theta w sum_i A_i H_i/B_i
-//     H_i = exp(u_i) - 1 - y_i - y_i^2/2,   u_i = b_i . (s - mean)/deviation + y_i,   y_i = beta_i
-//     h_i(x) A_i > 0,   sum_i A_i = 1,   b_i > 0 beta_i = mean over k of b_ik,   B_i = mean over k
-//     of b_ik/deviation_k
+//     H_i = exp(u_i) - 1 - y_i - y_i^2/2
+//     u_i = b_i . (s - mean)/deviation + y_i,   y_i = beta_i h_i(x)
+//     A_i > 0,   sum_i A_i = 1,   b_i > 0
+//     beta_i = mean over k of b_ik,   B_i = mean over k of b_ik/deviation_k
 // Here i counts the exponentials and k the entropies. Theta is `temperature` of the spec, in K. The
 // factor w of Theta is learned, starts at 1, and is one number for the whole system (see below).
 // Every summand contains the exponential of an increasing linear form of s, so that dE/ds > 0 and E
@@ -16,8 +17,7 @@
 //
 // With `rising` of the spec heat capacities may also rise with the temperature, as those of metals
 // do:
-//     H_i = (1 + k_i)/k_i ln(1 + k_i exp(u_i)) - its value at u = 0 - y_i - y_i^2/2/(1 + k_i), k_i
-//     > 0
+//     H_i = (1 + k_i)/k_i ln((1 + k_i exp(u_i))/(1 + k_i)) - y_i - y_i^2/2/(1 + k_i),   k_i > 0
 // where k -> 0 is the exponential. It is convex and rises in u as well, with the slope 1 at u = 0,
 // and the heat capacity of one summand is (1 + k exp(u))/b.
 //

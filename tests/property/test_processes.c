@@ -174,17 +174,23 @@ static void rates_stay_the_same(void **state) {
     pm_training_free(t);
 }
 
+// Copies the weights of all three components, and returns their number.
+static int gather(const pm_training *t, double *theta) {
+    double *next = theta;
+    for (int i = 0; i < 3; ++i) {
+        pm_params_gather(pm_system_params(t->system, i), next);
+        next += pm_params_trained(pm_system_params(t->system, i));
+    }
+    return (int)(next - theta);
+}
+
 static void strengths_follow_the_choice_of_initial_weights(void **state) {
     (void)state;
     static const volatile sig_atomic_t stop = 0;
     pm_training *t = open_training();
     pm_samples samples;
     double declared[200], theta[200], loss = INFINITY;
-    double *next = declared;
-    for (int i = 0; i < 3; ++i) {
-        pm_params_gather(pm_system_params(t->system, i), next);
-        next += pm_params_trained(pm_system_params(t->system, i));
-    }
+    (void)gather(t, declared);
     make_samples(t, PM_RESIDUAL_STEP, &samples);
     pm_start_draw(t, 0, theta);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);
@@ -198,13 +204,9 @@ static void strengths_follow_the_choice_of_initial_weights(void **state) {
     assert_true(fabs(strength->value[0]) > 0);
     // The weights that the search returns are those of the system.
     double now[200];
-    next = now;
-    for (int i = 0; i < 3; ++i) {
-        pm_params_gather(pm_system_params(t->system, i), next);
-        next += pm_params_trained(pm_system_params(t->system, i));
-    }
-    assert_true(next - now < 200);
-    assert_true(largest_difference(theta, now, (int)(next - now)) < 1e-9);
+    const int count = gather(t, now);
+    assert_true(count < 200);
+    assert_true(largest_difference(theta, now, count) < 1e-9);
     pm_samples_free(&samples);
     pm_training_free(t);
 }
@@ -280,11 +282,8 @@ static void forces_are_normalised(void **state) {
     pm_training *t = open_training_with("acts_on: [a.p, a.s, b.p, b.s], rank: 3, strength: "
                                         "{features: [\"ln(force)\"], hidden: [3]}");
     pm_samples samples;
-    double declared[200], theta[200], loss = INFINITY, *next = declared;
-    for (int i = 0; i < 3; ++i) {
-        pm_params_gather(pm_system_params(t->system, i), next);
-        next += pm_params_trained(pm_system_params(t->system, i));
-    }
+    double declared[200], theta[200], loss = INFINITY;
+    (void)gather(t, declared);
     make_samples(t, PM_RESIDUAL_STEP, &samples);
     pm_start_draw(t, 0, theta);
     assert_int_equal(pm_normalization_of_system(t->system, &samples, false), PM_OK);

@@ -94,6 +94,7 @@ typedef struct inventory {
     bool vector;     // such a variable of two or three components
     bool angle, turns, apart;
     int shares;          // variables that may share a term of the energy
+    bool named;          // a variable has the name of the feature "force"
     int amounts, others; // components in mol, and of all that is neither this nor an entropy
     bool moves, spins;   // friction may act on an odd vector, and on an odd scalar
 } inventory;
@@ -127,6 +128,7 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
         n->angle = n->angle || v->angle[g];
         n->turns = n->turns || (v->angle[g] && v->group[g].deviation * v->unit[g].factor > TURNS);
         n->shares += 1;
+        n->named = n->named || (shown == NULL && strcmp(group->name, "force") == 0);
         n->apart = n->apart || (v->kind[g] == PM_VIEW_POSITION && v->apart[g]);
     }
 }
@@ -210,7 +212,7 @@ void pm_draft_ask(pm_draft *d) {
             } else if (n.stays && n.odd) {
                 ask(d, PM_ASK_FRICTION, component, 2, friction);
             }
-            ask(d, PM_ASK_STRENGTH, component, d->p->form == PM_HARD ? 3 : 2, strength);
+            ask(d, PM_ASK_STRENGTH, component, d->p->form == PM_HARD && !n.named ? 3 : 2, strength);
             const int id = d->asked[component][PM_ASK_STRENGTH];
             if (pairs > 0 && d->p->form == PM_HARD && id >= 0) { // with what an end loses
                 d->space.choice[id].simplest = 2;

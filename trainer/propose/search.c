@@ -393,16 +393,16 @@ static void name_start(const hypothesis_search *s, int id, char *path) {
 // Counts the weights that a fit of a vector learns, and notes what else its cost follows from.
 static pm_status weigh(hypothesis_search *s, const int *vector, int *weights) {
     const pm_hypotheses *space = s->space;
-    char path[] = "/tmp/portmet_search_XXXXXX";
-    const int file = mkstemp(path);
-    if (file < 0) {
-        return pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
+    // Beside the training file there may be a scene with other ports.
+    char folder[] = "/tmp/portmet_search_XXXXXX", path[sizeof folder + NAME_OF_FILE];
+    if (mkdtemp(folder) == NULL) {
+        return pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
     }
-    close(file);
+    snprintf(path, sizeof path, "%s/training.yaml", folder);
     pm_training *t = NULL;
     pm_status status = space->write(space->context, vector, "", path);
     status = status == PM_OK ? pm_training_load(&t, path) : status;
-    remove(path);
+    (void)nftw(folder, remove_one, OPEN_FOLDERS, FTW_DEPTH | FTW_PHYS);
     PM_TRY(status);
     const pm_loss *last = &t->stage[t->nstage - 1].loss;
     *weights = pm_trained_count(t->system);
@@ -441,6 +441,7 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
             longest = fmax(longest, SAFETY * cost);
             name_start(s, which[first + n], path[n]);
             start[n] = path[n];
+            s->candidate[which[first + n]].tried = true; // its weights may be left, however it ends
         }
         if (n == 0) {
             return PM_OK;
@@ -455,7 +456,6 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
             *(stages > 1 ? &c->last : &c->trial) = trial[i];
             s->spent -=
                 trial[i].failed ? 0 : iteration[i] * (effort[i].iterations - trial[i].iterations);
-            c->tried = true;
             c->finalist = c->finalist || stages > 1;
         }
     }

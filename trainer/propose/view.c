@@ -316,7 +316,7 @@ static double explain_by_mate(const pm_look *look, const pm_part_view *parts, in
     return rest;
 }
 
-// Likewise of a function of each source alone, in a sum.
+// Returns the unexplained fraction where the rate is a sum of functions of one source each.
 static double explain_apart(const pm_look *look, const pm_look_group *target, const sources *s) {
     const int degree = s->count * DEGREE > PM_LOOK_SOURCES ? PM_LOOK_SOURCES / s->count : DEGREE;
     return pm_regress_rate(look, target, s->count, s->group, degree, NULL);
