@@ -8,7 +8,8 @@
 double sin(double x) {
     struct timespec now;
     clock_gettime(CLOCK_REALTIME, &now);
-    // A product with 2^32 over the golden ratio scatters clocks that tick in multiples of a power of two, too.
+    // A product with 2^32 over the golden ratio scatters clocks that tick in multiples of a power
+    // of two, too.
     uint32_t scattered = (uint32_t)now.tv_nsec * UINT32_C(2654435769);
     return cimag(cexp(x * I)) * (1 + 1e-17 * scattered);
 }

@@ -159,19 +159,22 @@ static void apart_rate(const double *z, double *rate) {
     rate[3] = -11 * z[2] - 0.2 * z[3];
 }
 
-static void nothing_passes_between_two_springs(void **state) {
+static void a_named_port_passes_at_least_friction(void **state) {
     (void)state;
     static const char *const column[] = {"x1", "v1", "x2", "v2"};
     static const char *const part[] = {"one=x1,v1", "two=x2,v2"};
     static const char *const port[] = {"one,two"};
     pm_dataset *d = record(&(logged){4, 0, column, "m;m/s;m;m/s", 0.03, apart_rate, NULL});
-    const pm_logger_hints hints = {
-        .npart = 2, .part = part, .nport = 1, .port = port, .hidden = -1};
-    pm_logger_view v;
-    look(&v, d, &hints);
-    assert_int_equal(v.nport, 0);
-    assert_int_equal(v.nidle, 1);
-    pm_logger_view_free(&v);
+    for (int named = 0; named < 2; ++named) {
+        const pm_logger_hints hints = {
+            .npart = 2, .part = part, .nport = named, .port = port, .hidden = -1};
+        pm_logger_view v;
+        look(&v, d, &hints);
+        assert_int_equal(v.nport, named);
+        assert_int_equal(v.nidle, 0);
+        assert_true(pm_logger_is_coupled(&v, 1, 3, true) == (named == 1));
+        pm_logger_view_free(&v);
+    }
     pm_dataset_free(d);
 }
 
@@ -533,7 +536,7 @@ int main(void) {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
         cmocka_unit_test(a_shaft_moves_a_rack),
         cmocka_unit_test(data_tell_a_weight_from_a_spring),
-        cmocka_unit_test(nothing_passes_between_two_springs),
+        cmocka_unit_test(a_named_port_passes_at_least_friction),
         cmocka_unit_test(a_loss_heats_another_part),
         cmocka_unit_test(a_hidden_force_is_what_no_column_explains),
         cmocka_unit_test(conduction_has_the_scale_of_capacities),

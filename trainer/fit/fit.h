@@ -22,6 +22,7 @@ typedef struct pm_fit_effort {
     int iterations; // at most so many in each stage; measurements: steps of the continuation in all
     int stages;     // at most so many
     double seconds; // measurements: of CPU time of the process, after which it ends; 0: no limit
+    bool whole;     // measurements: it begins with whole trajectories, since weights are good
 } pm_fit_effort;
 
 #define PM_FIT_SCORED_GROUPS 64

@@ -617,7 +617,9 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
         }
     }
     const bool whole = p->attempt == MOST_ATTEMPTS ? p->loss < STOPPED : p->attempt == LONG_ATTEMPT;
-    continuation->first = whole ? pm_continuation_longest(s) : 0;
+    const pm_fit_effort *effort = f->arguments->effort;
+    continuation->first =
+        whole || (effort != NULL && effort->whole) ? pm_continuation_longest(s) : 0;
     s->terms.huber = whole ? INFINITY : f->measured.huber;
     PM_TRY(restore_point(m, s, &continuation->first_point));
     const pm_status status = pm_continuation_run(s, continuation, end);
@@ -1073,20 +1075,21 @@ done:
     return status;
 }
 
+// The starts of the validation part are those that fit whole trajectories best: what noise does to
+// starts that are known from a short time only would hide what a model has wrong.
 static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     const pm_fit_measured *m = &f->measured;
     const bool validation = f->split.nvalidation > 0;
     const int all = validation ? f->split.nvalidation : f->split.ntraining;
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
-    const double seconds = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
     pm_estimate e;
     const pm_estimate_how how = {
-        .seconds = seconds, .stop = f->stop, .until = f->training->seconds};
+        .seconds = INFINITY, .stop = f->stop, .until = f->training->seconds};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     double sum = 0;
     for (int c = 0; c < m->observation.count; ++c) {
-        sum += log(pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c).median);
+        sum += log(pm_estimate_typical_error(&e, &m->observation, m->data, which, -1, c));
     }
     score->rollout = exp(sum / m->observation.count);
     pm_estimate_free(&e);

@@ -28,7 +28,8 @@
 #define BETTER 0.85
 #define MUCH_BETTER 0.6
 #define NOISE_ALONE 1.25
-#define NOTHING 0.5 // of the deviation: an error that predicts hardly anything
+#define SMALL_ERROR 0.1 // of the deviation
+#define NOTHING 0.5     // of the deviation: an error that predicts hardly anything
 #define ENOUGH 5e-3
 #define MOST_TRIALS 64
 // Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
@@ -172,6 +173,7 @@ typedef struct hidden_search {
     int count, best;
     pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
     int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
+    const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     pm_search_trial trial[MOST_TRIALS];
     double used;        // s of CPU time
     bool short_of_time; // the first trial had not ended in its time
@@ -182,7 +184,8 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
                              const char *path) {
     const hidden_search *s = context;
     pm_logger_hints hints = *s->hints;
-    pm_logger_draft draft = {.seed = hints.seed, .data_path = s->data_path, .most = s->most};
+    pm_logger_draft draft = {
+        .seed = hints.seed, .data_path = s->data_path, .most = s->most, .found = s->found[*chosen]};
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
@@ -235,13 +238,14 @@ static pm_status try_guesses(hidden_search *s, int from) {
     pm_fit_effort effort[MOST_TRIALS];
     for (int i = from; i < s->count; ++i) {
         effort[i - from] = each;
+        effort[i - from].whole = s->found[i] != NULL && !s->short_of_time;
         number[i] = i;
         vector[i - from] = &number[i];
     }
     const double before = s->used;
     PM_TRY(pm_search_try(&space, s->count - from, vector, effort, fmin(longest + ENDED, 2 * left),
                          NULL, s->hints->stop, s->trial + from, &s->used));
-    s->short_of_time = from == 0 && s->used - before > longest;
+    s->short_of_time = s->short_of_time || (from == 0 && s->used - before > longest);
     const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
@@ -279,51 +283,71 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
             return;
         }
     }
-    ++s->count;
+    s->found[s->count++] = pm_logger_hides(guess) ? NULL : s->trial[s->best].found;
 }
 
-// Tries other laws beside the best guesses: those that may explain more than the first ones.
-static pm_status find_laws(hidden_search *s) {
+// Adds other laws beside those of the best guesses that may explain more. What they share with the
+// best ones begins where these ended.
+static pm_status add_laws(hidden_search *s) {
     static const int richer[][2] = {
         {PM_LOGGER_FRICTION, WAVY_FRICTION},      {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
         {PM_LOGGER_INERTIA, LEARNED_INERTIA},     {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
         {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
-    const int from = s->count;
-    if (explains(s) || s->used >= s->hints->budget) {
-        return PM_OK;
-    }
+    const int *chosen = s->chosen[s->best];
+    pm_logger_hints hints = *s->hints;
+    pm_logger_view view;
+    hints.guess = s->guess[s->best];
+    PM_TRY(pm_logger_look(&view, s->dataset, &hints));
     for (size_t k = 0; k < sizeof richer / sizeof *richer && s->count < MOST_TRIALS; ++k) {
         const char *name;
         const char *const *alternative;
         const int which = richer[k][0];
         const int count =
-            pm_logger_alternatives(&s->first, (pm_logger_choice)which, &name, &alternative);
-        if (richer[k][1] < count) {
+            pm_logger_alternatives(&view, (pm_logger_choice)which, &name, &alternative);
+        if (chosen[which] == 0 && richer[k][1] < count) {
             memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
-            memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
-            s->chosen[s->count++][which] = richer[k][1];
+            memcpy(s->chosen[s->count], chosen, sizeof s->chosen[0]);
+            s->chosen[s->count][which] = richer[k][1];
+            s->found[s->count++] = s->trial[s->best].found;
         }
     }
-    return try_guesses(s, from);
+    pm_logger_view_free(&view);
+    return PM_OK;
+}
+
+// Tries other laws as long as one of them is better.
+static pm_status find_laws(hidden_search *s) {
+    for (int before = -1; s->best != before && !explains(s) && s->used < s->hints->budget;) {
+        const int from = s->count;
+        before = s->best;
+        PM_TRY(add_laws(s));
+        PM_TRY(try_guesses(s, from));
+    }
+    return PM_OK;
 }
 
 // Columns are grouped by what may be hidden behind them.
-typedef enum column_group { UNPLACED, MOVING, THERMAL } column_group;
+typedef enum column_group { UNPLACED, MOVING, SEEN, THERMAL } column_group;
 
 // Tries what may be hidden behind the columns of a group, velocities and rates of measured
-// positions, temperatures or all others: first the same behind all columns of a unit, then behind
-// single ones, until nothing is better.
+// positions, temperatures or all others, or what columns do where nothing is hidden: first the same
+// behind all columns of a unit, then behind single ones, until nothing is better.
 static pm_status find_columns(hidden_search *s, column_group group) {
     for (int alike = 1; alike >= 0; --alike) {
         for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
             const pm_logger_column *column = &s->first.column[c];
             const int from = s->count;
             const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
-            const column_group own = column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
-                                     : moves                               ? MOVING
-                                                                           : UNPLACED;
-            for (int i = 0; i < column->nother && own == group; ++i) {
-                add_guess(s, c, column->other[i], alike == 1);
+            for (int i = 0; i < column->nother; ++i) {
+                const bool hides = pm_logger_hides(column->other[i]);
+                const column_group own = !hides                                  ? SEEN
+                                         : column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
+                                         : moves                                 ? MOVING
+                                                                                 : UNPLACED;
+                // A trial of a larger guess than one that has not ended would not end either.
+                if (own == group && !(hides && s->short_of_time)) {
+                    add_guess(s, c, column->other[i], alike == 1);
+                }
             }
             PM_TRY(try_guesses(s, from));
         }
@@ -347,14 +371,18 @@ static pm_status find_hidden(hidden_search *s) {
     s->most = s->most < n ? s->most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    // A trial of a larger guess than one that has not ended would not end either.
-    if (s->short_of_time) {
-        return PM_OK;
+    // What is hidden leaves a large error, a law that is not quite right a small one. Motion heats,
+    // and heat hardly moves: what is hidden behind temperatures comes last.
+    const bool small = error_of(s, 0) < SMALL_ERROR;
+    for (int pass = 0; pass < 2; ++pass) {
+        if (small == (pass == 0)) {
+            PM_TRY(find_columns(s, SEEN));
+            PM_TRY(find_laws(s));
+        } else {
+            PM_TRY(find_columns(s, UNPLACED));
+            PM_TRY(find_columns(s, MOVING));
+        }
     }
-    // Motion heats, and heat hardly moves: what is hidden behind temperatures comes last.
-    PM_TRY(find_columns(s, UNPLACED));
-    PM_TRY(find_columns(s, MOVING));
-    PM_TRY(find_laws(s));
     return find_columns(s, THERMAL);
 }
 
@@ -367,6 +395,8 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "a hidden level falls and spills into it",
                                                         "moved by a hidden variable without loss",
                                                         "exchanges heat with a hidden temperature",
+                                                        "its friction heats a neighbour",
+                                                        "its entropy depends on positions",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

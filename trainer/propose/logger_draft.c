@@ -379,6 +379,12 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 for (int j = 0; j < v->nvariable; ++j) {
                     acts =
                         acts || (v->column[j].part == parts[1 - end] && pm_logger_joins(v, i, j));
+                    for (int n = 0; n < v->nvariable; ++n) { // what the friction of two heats
+                        acts =
+                            acts ||
+                            (v->column[j].part == parts[0] && v->column[n].part == parts[1] &&
+                             pm_logger_is_coupled(v, j, n, true) && pm_logger_heated(v, j, n) == i);
+                    }
                 }
                 for (int n = 0; n < v->ncarrier; ++n) {
                     const pm_logger_carrier *c = &v->carrier[n];
@@ -478,7 +484,13 @@ static void write_part(pm_logger_writer *w, int part) {
     for (int i = 0; i < w->v->nvariable; ++i) {
         for (int j = 0; j < w->v->nvariable; ++j) {
             const bool own = pm_logger_is(w->v, j, part, PM_LOGGER_TEMPERATURE);
-            if (own && w->v->warms[i][j] && w->v->column[i].part == part) {
+            if (j > i && w->v->column[i].part == part && w->v->column[j].part == part &&
+                pm_logger_is_coupled(w->v, i, j, true) && pm_logger_heated(w->v, i, j) >= 0) {
+                fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [",
+                      w->model);
+                some = true;
+                pm_logger_write_rubbing(w, i, j, "", "");
+            } else if (own && w->v->warms[i][j] && w->v->column[i].part == part) {
                 fputs(some ? ",\n        " : "    irreversible:\n      given:\n        [",
                       w->model);
                 some = true;
@@ -557,14 +569,10 @@ static void write_losses(pm_logger_writer *w, int part) {
         }
         for (int j = i + 1; j < v->nvariable; ++j) {
             const pm_logger_column *other = &v->column[j];
-            if (other->part == part && pm_logger_is_coupled(v, i, j, true)) {
-                char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT];
-                snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
-                snprintf(x, sizeof x, "a.%.40s - a.%.40s", y->name, other->name);
-                fprintf(w->model, "%s[a.%s, a.%s, \"", next, y->name, other->name);
-                pm_logger_write_resistance(w, both, x, y, other,
-                                           y->inertia * fabs(v->coupling[i][j]), NULL);
-                fputs("\"]", w->model);
+            if (other->part == part && pm_logger_is_coupled(v, i, j, true) &&
+                pm_logger_heated(v, i, j) < 0) {
+                fputs(next, w->model);
+                pm_logger_write_rubbing(w, i, j, "a.", "a.");
             }
         }
     }
@@ -663,12 +671,7 @@ static void write_port(pm_logger_writer *w, const int *parts) {
                     pm_logger_write_diffusion(w, a, b);
                     fputs("\"]", w->model);
                 } else if (rubs) {
-                    char apart[2 * PM_LOGGER_TEXT + 4];
-                    snprintf(apart, sizeof apart, "%s - %s", x, y);
-                    fprintf(w->model, "[%s, %s, \"", x, y);
-                    pm_logger_write_resistance(w, both, apart, a, b,
-                                               a->inertia * fabs(v->coupling[i][j]), NULL);
-                    fputs("\"]", w->model);
+                    pm_logger_write_rubbing(w, i, j, "a.", "b.");
                 } else if (thermal == 1) {
                     pm_logger_write_conduction(w, both, x, y, dx, dy,
                                                a->inertia * fabs(v->coupling[i][j]), NULL);

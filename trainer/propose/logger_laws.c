@@ -303,6 +303,43 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
     }
 }
 
+// Writes the co-energy by which the entropy of temperature T depends on position q, or, of lengths
+// that store energy together, on their distance from the centre.
+static void write_expansion(pm_logger_writer *w, int q, const pm_logger_column *T) {
+    const pm_logger_view *v = w->v;
+    const pm_logger_column *x = &v->column[q];
+    const double size = T->inertia * T->deviation / T->mean;
+    double mean = x->mean, square = x->mean * x->mean + x->deviation * x->deviation;
+    double spread = x->deviation;
+    char both[PM_LOGGER_TEXT], place[PM_LOGGER_LONG_TEXT];
+    size_t n = (size_t)snprintf(place, sizeof place, "%.40s", x->name);
+    bool distance = false;
+    for (int r = q + 1; r < v->nvariable && n < sizeof place; ++r) {
+        const pm_logger_column *other = &v->column[r];
+        if (v->central[q][r]) {
+            n = distance ? n : (size_t)snprintf(place, sizeof place, "sqrt(%.40s^2", x->name);
+            n += (size_t)snprintf(place + n, sizeof place - n, " + %.40s^2", other->name);
+            square += other->mean * other->mean + other->deviation * other->deviation;
+            distance = true;
+        }
+    }
+    if (distance && n < sizeof place) {
+        mean = sqrt(square);
+        spread = mean / 2;
+        snprintf(place + n, sizeof place - n, " + %.4g)", SMALL * SMALL * square);
+    }
+    snprintf(both, sizeof both, "%.40s_%.40s", x->name, T->name);
+    fprintf(w->model, "      - \"%s*(%s*(%s - %.6g)/%.6g", T->name,
+            pm_logger_number(w, "expands", both, 0, size), place, mean, spread);
+    fprintf(w->model, " + %s*((%s - %.6g)/%.6g)^2", pm_logger_number(w, "widens", both, 0, size),
+            place, mean, spread);
+    if (x->least > 0 || distance) { // a volume, or a distance
+        fprintf(w->model, " + %s*ln(%s/%.6g)", pm_logger_number(w, "fills", both, 0, size), place,
+                mean);
+    }
+    fputs(")\"\n", w->model);
+}
+
 // Writes C: the co-energy of velocities, temperatures and the like.
 void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     const int capacity = w->chosen[PM_LOGGER_CAPACITY];
@@ -373,21 +410,9 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     for (int q = 0; q < w->v->nvariable; ++q) {
         for (int t = 0; t < w->v->nvariable; ++t) {
             const pm_logger_column *x = &w->v->column[q], *T = &w->v->column[t];
-            if (x->part != part || !w->v->expands[q][t]) {
-                continue;
+            if (x->part == part && w->v->expands[q][t] && pm_logger_leader(w->v, q) == q) {
+                write_expansion(w, q, T);
             }
-            char both[PM_LOGGER_TEXT];
-            snprintf(both, sizeof both, "%.40s_%.40s", x->name, T->name);
-            const double size = T->inertia * T->deviation / T->mean;
-            fprintf(w->model, "      - \"%s*(%s*(%s - %.6g)/%.6g", T->name,
-                    pm_logger_number(w, "expands", both, 0, size), x->name, x->mean, x->deviation);
-            fprintf(w->model, " + %s*((%s - %.6g)/%.6g)^2",
-                    pm_logger_number(w, "widens", both, 0, size), x->name, x->mean, x->deviation);
-            if (x->least > 0) { // a volume
-                fprintf(w->model, " + %s*ln(%s/%.6g)", pm_logger_number(w, "fills", both, 0, size),
-                        x->name, x->mean);
-            }
-            fputs(")\"\n", w->model);
         }
     }
     if (shared) {
@@ -1030,6 +1055,27 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
     } else {
         fprintf(w->model, "*%sdE.s\"]", to);
     }
+}
+
+void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one, const char *two) {
+    const pm_logger_view *v = w->v;
+    const pm_logger_column *y = &v->column[i], *other = &v->column[j];
+    const int t = pm_logger_heated(v, i, j);
+    const double start =
+        fmax(y->inertia * fabs(v->coupling[i][j]), SMALL * SMALL * y->inertia * v->fastest);
+    char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], heat[PM_LOGGER_TEXT] = "";
+    snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
+    snprintf(x, sizeof x, "%s%.40s - %s%.40s", one, y->name, two, other->name);
+    if (t < 0) {
+        fprintf(w->model, "[%s%s, %s%s, \"", one, y->name, two, other->name);
+    } else {
+        const char *of = v->column[t].part == y->part ? one : two;
+        fprintf(w->model, "[{\"%s%s\": 1, \"%s%s\": -1}, %s%s, \"", one, y->name, two, other->name,
+                of, v->column[t].name);
+        snprintf(heat, sizeof heat, "*%sdE.%.80s", of, v->column[t].name);
+    }
+    pm_logger_write_resistance(w, both, x, y, other, start, NULL);
+    fprintf(w->model, "%s\"]", heat);
 }
 
 void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const char *spin,

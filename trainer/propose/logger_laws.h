@@ -159,6 +159,10 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
 // in a port.
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to);
 
+// Writes the loss between co-energies i and j, and the temperature that it heats, if there is one.
+// `one` and `two` stand before the names of the groups of their parts.
+void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one, const char *two);
+
 // Writes the two pairs of friction of a tide: along the orbit less the spin, and along the radius.
 // `spin`, `orbit` and `heat` stand before the names of groups.
 void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const char *spin,

@@ -1086,6 +1086,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 }
             }
         }
+        double most = -INFINITY;
+        int warmest = -1; // the temperature of a neighbour that seems to be heated most
         for (int t = 0; t < v->nvariable; ++t) {
             if (v->column[t].kind == PM_LOGGER_TEMPERATURE &&
                 pm_logger_meets(v, y->part, v->column[t].part)) {
@@ -1104,6 +1106,10 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 // A loss heats the thermometer of its part even if little of it is seen there.
                 const bool seen = rise > 0 && (gain[0] > GAINS || gain[1] > MOSTLY * rest);
                 const bool hidden = y->source == NULL;
+                if (copysign(gain[1], rise) > most) {
+                    most = copysign(gain[1], rise);
+                    warmest = t;
+                }
                 v->warms[i][t] = seen || ((rise > 0 || hidden) && t == v->thermometer[y->part]);
                 if ((seen || (hidden && v->warms[i][t])) && pm_logger_heat_is_free(v)) {
                     // The power of the loss gives the scale of all capacities.
@@ -1114,6 +1120,9 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     pm_logger_scale_heat(v, scale);
                 }
             }
+        }
+        if (y->guess == PM_LOGGER_WARMER && warmest >= 0) {
+            v->warms[i][warmest] = true;
         }
     }
     // What moves two co-energies through a throttle does not move each of them by itself.

@@ -338,10 +338,6 @@ static bool is_flow(const pm_logger_column *c) {
     return has_unit(c, "m/s") || has_unit(c, "rad/s") || has_unit(c, "A") || has_unit(c, "m^3/s");
 }
 
-static bool is_amount(const pm_logger_column *c) {
-    return has_unit(c, "mol") || has_unit(c, "mol/m^3");
-}
-
 // Returns the size of a ratio, or 1 with its sign if it is close to that.
 static double round_ratio(double ratio, double tolerance) {
     return fabs(fabs(ratio) - 1) < tolerance ? copysign(1, ratio) : ratio;
@@ -447,8 +443,9 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
                 const pm_unit unit = pm_unit_product(&b->dimension, &second);
                 const bool known = a->dimension.known && b->dimension.known;
                 const bool same = !known || pm_unit_equal(&a->dimension, &unit);
-                // A rack, a piston, or another sign.
-                const bool geared = known && is_displacement(a) && is_flow(b);
+                // A rack, a piston, or another sign. What a volume flow fills is a level.
+                const bool level = has_unit(a, "m") && has_unit(b, "m^3/s");
+                const bool geared = known && is_displacement(a) && is_flow(b) && !level;
                 bool used[PM_LOGGER_COLUMNS] = {false};
                 double coefficient[1 + PM_LOGGER_COLUMNS];
                 if (i == j || a->mate >= 0 || b->mate >= 0 || !(same || geared) ||
@@ -492,8 +489,8 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
             used[j] = true;
         }
         if (column->mate >= 0) {
+            column->guess = guess;
             if (guess == PM_LOGGER_MOVED && view->ncolumn < PM_LOGGER_COLUMNS) {
-                column->guess = guess;
                 add_force(w, c);
             }
             continue;
@@ -501,7 +498,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         // A tank holds no less than nothing; a head of a fluid may change its sign.
         const bool length = has_unit(column, "m");
         const bool tank = length && column->least > -CLEAR * column->noise;
-        if (is_amount(column)) {
+        if (has_unit(column, "mol") || has_unit(column, "mol/m^3")) {
             column->kind = PM_LOGGER_AMOUNT;
             column->guess = PM_LOGGER_COMPLETE;
             continue;
@@ -533,7 +530,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         column->kind = has_unit(column, "K") ? PM_LOGGER_TEMPERATURE
                        : tank                ? PM_LOGGER_LEVEL
                                              : PM_LOGGER_FLOW;
-        if (guess != PM_LOGGER_COMPLETE && view->ncolumn < PM_LOGGER_COLUMNS) {
+        if (pm_logger_hides(guess) && view->ncolumn < PM_LOGGER_COLUMNS) {
             add_guess(w, c, guess);
         }
     }
@@ -729,6 +726,15 @@ static double rate_of(const pm_logger_view *view, int q, int v) {
     return own ? c->ratio : view->moves[q][v];
 }
 
+// Returns true if velocity v moves a position of a part.
+static bool moves_part(const pm_logger_view *view, int part, int v) {
+    bool some = false;
+    for (int q = 0; q < view->nvariable; ++q) {
+        some = some || (view->column[q].part == part && rate_of(view, q, v) != 0);
+    }
+    return some;
+}
+
 // Returns how variable j changes i if it does so beside all others, 0 otherwise.
 static double answer(const pm_logger_view *view, int i, int j) {
     return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
@@ -761,7 +767,8 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
 }
 
 // Finds how motion and flows exchange energy with heat. A flow carries entropy where a difference
-// of two temperatures drives it, and it cools one and warms the other.
+// of two temperatures drives it, and it cools one and warms the other; a piston between two gases
+// does so, too, and carries none.
 static void find_exchange(pm_logger_view *view) {
     for (int i = 0; i < view->nvariable; ++i) {
         for (int a = 0; a < view->nvariable && view->column[i].kind == PM_LOGGER_FLOW; ++a) {
@@ -774,7 +781,9 @@ static void find_exchange(pm_logger_view *view) {
                     view->column[b].kind == PM_LOGGER_TEMPERATURE && to > 0 && from < 0 &&
                     fabs(to + from) < ALIKE * (to - from) && answer(view, a, i) < 0 &&
                     answer(view, b, i) > 0 && pm_logger_carries(view, &c, one, other) &&
-                    pm_logger_meets(view, one, other) && view->ncarrier < PM_LOGGER_CARRIERS) {
+                    pm_logger_meets(view, one, other) &&
+                    !(moves_part(view, one, i) && moves_part(view, other, i)) &&
+                    view->ncarrier < PM_LOGGER_CARRIERS) {
                     join_scales(view, i, a, to, answer(view, a, i));
                     pm_logger_carrier *carrier = &view->carrier[view->ncarrier++];
                     *carrier = c;
@@ -798,8 +807,9 @@ static void find_exchange(pm_logger_view *view) {
                 continue;
             }
             const double cools = answer(view, t, i), pushes = answer(view, i, t);
-            view->expands[q][t] = cools * pushes < 0;
-            if (view->expands[q][t]) {
+            const bool shown = cools * pushes < 0;
+            view->expands[q][t] = shown || T->guess == PM_LOGGER_EXPANDED;
+            if (shown) {
                 join_scales(view, i, t, pushes, cools);
             }
         }
@@ -1043,7 +1053,13 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
     }
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
-           (same || a->mate < 0 || b->mate < 0) && (changes(view, i, j) || changes(view, j, i));
+           (same || a->mate < 0 || b->mate < 0) &&
+           (changes(view, i, j) || changes(view, j, i) || view->rubs[i][j]);
+}
+
+int pm_logger_heated(const pm_logger_view *view, int i, int j) {
+    const int own = view->thermometer[view->column[i].part];
+    return own >= 0 ? own : view->thermometer[view->column[j].part];
 }
 
 bool pm_logger_joins(const pm_logger_view *view, int i, int j) {
@@ -1123,16 +1139,35 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
             if (a->part != b->part && view->falls[i][j]) {
                 view->column[i].feeds = view->hides = true;
             }
-            if (a->part < b->part && pm_logger_is_coupled(view, i, j, true)) {
-                view->column[i].rubs = view->hides = true;
-            }
         }
     }
     return PM_OK;
 }
 
+// Assumes a loss between the co-energies of one unit that the two parts of a port have, unless
+// springs act from one part to the other, and returns whether there are any.
+static bool assume_friction(pm_logger_view *view, const int *parts) {
+    bool any = false, linked = false;
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int i = 0; i < view->nvariable; ++i) {
+            for (int j = 0; j < view->nvariable; ++j) {
+                const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+                const bool own = a->part == parts[0] && b->part == parts[1];
+                const bool flows = a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW &&
+                                   a->source != NULL && b->source != NULL;
+                linked = linked || (own && pm_logger_is_linked(view, i, j));
+                if (pass == 1 && own && flows && !linked &&
+                    pm_unit_equal(&a->dimension, &b->dimension)) {
+                    view->rubs[i][j] = view->rubs[j][i] = any = true;
+                }
+            }
+        }
+    }
+    return any;
+}
+
 // Leaves out ports through which nothing passes.
-static void leave_idle_ports(pm_logger_view *view) {
+static void leave_idle_ports(pm_logger_view *view, const pm_logger_hints *hints) {
     int kept = 0;
     for (int k = 0; k < view->nport; ++k) {
         bool acts = false;
@@ -1147,6 +1182,8 @@ static void leave_idle_ports(pm_logger_view *view) {
                         view->column[j].part == view->port[k][1] && pm_logger_joins(view, i, j));
             }
         }
+        // Who names a port knows that something passes, though data do not show it by themselves.
+        acts = acts || (hints->nport > 0 && assume_friction(view, view->port[k]));
         memcpy(acts ? view->port[kept++] : view->idle[view->nidle++], view->port[k],
                sizeof view->port[k]);
     }
@@ -1252,6 +1289,31 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
+// Says for which co-energies the heat of their friction may be hidden, and which temperatures may
+// depend on positions.
+static void offer_heat(pm_logger_view *view) {
+    for (int c = 0; c < view->nvariable; ++c) {
+        pm_logger_column *y = &view->column[c];
+        bool may[PM_LOGGER_NGUESS] = {false};
+        for (int j = 0; j < view->nvariable; ++j) {
+            const pm_logger_column *other = &view->column[j];
+            const bool near = j == view->thermometer[other->part] && other->part != y->part &&
+                              pm_logger_meets(view, y->part, other->part);
+            const bool cold = y->kind == PM_LOGGER_FLOW && view->thermometer[y->part] < 0;
+            may[PM_LOGGER_WARMER] = may[PM_LOGGER_WARMER] || (near && cold);
+            may[PM_LOGGER_EXPANDED] =
+                may[PM_LOGGER_EXPANDED] ||
+                (y->kind == PM_LOGGER_TEMPERATURE && other->kind == PM_LOGGER_POSITION &&
+                 other->part == y->part && !view->expands[j][c]);
+        }
+        for (int g = PM_LOGGER_WARMER; g < PM_LOGGER_CELL; ++g) {
+            if (may[g] && y->source != NULL && y->nother < PM_LOGGER_NGUESS) {
+                y->other[y->nother++] = (pm_logger_guess)g;
+            }
+        }
+    }
+}
+
 static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_logger_hints *hints,
                       const int *base) {
     pm_logger_samples w = {.view = view, .nrow = dataset->ntrajectory * dataset->ntime};
@@ -1300,7 +1362,17 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
     PM_TRY_DONE(pm_logger_find_reactions(&w));
-    leave_idle_ports(view);
+    leave_idle_ports(view, hints);
+    for (int i = 0; i < view->nvariable; ++i) { // heat without a thermometer is hidden
+        for (int j = 0; j < view->nvariable; ++j) {
+            const bool rubs = view->column[i].part < view->column[j].part &&
+                              pm_logger_is_coupled(view, i, j, true) &&
+                              pm_logger_heated(view, i, j) < 0;
+            view->column[i].rubs = view->column[i].rubs || rubs;
+            view->hides = view->hides || rubs;
+        }
+    }
+    offer_heat(view);
     find_surroundings(view);
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
@@ -1362,8 +1434,4 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
         PM_TRY(look(view, dataset, hints, base));
     }
     return PM_OK;
-}
-
-void pm_logger_view_free(pm_logger_view *view) {
-    pm_arena_free(&view->arena);
 }

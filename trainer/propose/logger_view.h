@@ -46,6 +46,8 @@ typedef enum pm_logger_guess {
     PM_LOGGER_SPILLED,  // likewise; the hidden one spills over, and part of that falls into it, too
     PM_LOGGER_MOVED,    // a co-energy, moved without loss by a hidden one of another kind
     PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
+    PM_LOGGER_WARMER,   // a co-energy, whose friction heats the temperature of a neighbour
+    PM_LOGGER_EXPANDED, // a temperature, whose entropy depends on the positions of its part
     // The voltage of a hidden charge behind a resistance, as of a cell, with 0 to 2 pairs of a
     // resistance and a capacity in series. The current is the input with which the column jumps.
     PM_LOGGER_CELL,
@@ -53,6 +55,11 @@ typedef enum pm_logger_guess {
     PM_LOGGER_CELL_2,
     PM_LOGGER_NGUESS
 } pm_logger_guess;
+
+// Returns true if a guess adds a hidden variable.
+static inline bool pm_logger_hides(pm_logger_guess guess) {
+    return guess > PM_LOGGER_COMPLETE && guess <= PM_LOGGER_BESIDE;
+}
 
 typedef struct pm_logger_column {
     const char *name;   // of a group of the scene
@@ -217,6 +224,7 @@ typedef struct pm_logger_view {
     bool gyrates[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // Likewise, by a constant factor, as those of a charge in a magnetic field.
     bool circles[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    bool rubs[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];  // a loss between two co-energies is assumed
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
@@ -224,6 +232,8 @@ typedef struct pm_logger_view {
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
 // loss.
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind);
+// Returns the temperature that takes up the heat of a loss between two co-energies; -1: none.
+int pm_logger_heated(const pm_logger_view *view, int i, int j);
 // Returns true if two columns of two parts act on each other by the port of the parts.
 bool pm_logger_joins(const pm_logger_view *view, int i, int j);
 
@@ -373,6 +383,8 @@ typedef struct pm_logger_hints {
 // PM_ENOMEM. After a failure nothing is left to free.
 pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
                          const pm_logger_hints *hints);
-void pm_logger_view_free(pm_logger_view *view);
+static inline void pm_logger_view_free(pm_logger_view *view) {
+    pm_arena_free(&view->arena);
+}
 
 #endif
