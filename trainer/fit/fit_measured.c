@@ -1076,20 +1076,24 @@ done:
 }
 
 // The starts of the validation part are those that fit whole trajectories best: what noise does to
-// starts that are known from a short time only would hide what a model has wrong.
+// starts that are known from a short time only would hide what a model has wrong. Without such a
+// part the fit is judged by what follows after the first seconds, with which it was trained.
 static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     const pm_fit_measured *m = &f->measured;
     const bool validation = f->split.nvalidation > 0;
     const int all = validation ? f->split.nvalidation : f->split.ntraining;
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
+    const double taught = f->training->seconds;
+    const bool later = !validation && isfinite(taught);
     pm_estimate e;
     const pm_estimate_how how = {
-        .seconds = INFINITY, .stop = f->stop, .until = f->training->seconds};
+        .seconds = taught, .stop = f->stop, .until = later ? INFINITY : taught};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     double sum = 0;
     for (int c = 0; c < m->observation.count; ++c) {
-        sum += log(pm_estimate_typical_error(&e, &m->observation, m->data, which, -1, c));
+        sum += log(pm_estimate_typical_error(&e, &m->observation, m->data, which,
+                                             later ? taught : -1, c));
     }
     score->rollout = exp(sum / m->observation.count);
     pm_estimate_free(&e);

@@ -22,15 +22,15 @@
 // Trials after the first one end after so many s of CPU time; as many more are for their judgement.
 #define ENDED 30
 #define LEAST 1 // s of CPU time that every trial has
-// More that is hidden must lower the error by this factor; where one record both teaches a model
-// and judges it, by the smaller one. Columns that are predicted as well as their noise allows, or
-// to this part of their deviation, need nothing more.
+// A single record teaches a model with this part of it, and judges it with the rest.
+#define TAUGHT 0.65
+// A guess must lower the error by this factor. Columns that are predicted as well as their noise
+// allows, or to this part of their deviation, need nothing more.
 #define BETTER 0.85
-#define MUCH_BETTER 0.6
 #define NOISE_ALONE 1.25
 #define SMALL_ERROR 0.1 // of the deviation
 #define NOTHING 0.5     // of the deviation: an error that predicts hardly anything
-#define ENOUGH 5e-3
+#define ENOUGH 1e-3
 #define MOST_TRIALS 64
 // Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
 // more of it, and it explains so much of another column.
@@ -169,6 +169,7 @@ typedef struct hidden_search {
     const pm_logger_hints *hints;
     const char *data_path;
     int most;             // trajectories of a trial; 0: all, which need not be measurements
+    double seconds;       // of a trial, where one record both teaches a model and judges it; else 0
     pm_logger_view first; // what is found first
     int count, best;
     pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
@@ -185,7 +186,8 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     const hidden_search *s = context;
     pm_logger_hints hints = *s->hints;
     pm_logger_draft draft = {
-        .seed = hints.seed, .data_path = s->data_path, .most = s->most, .found = s->found[*chosen]};
+        .seed = hints.seed, .data_path = s->data_path, .most = s->most,
+        .seconds = s->seconds, .found = s->found[*chosen]};
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
@@ -246,13 +248,12 @@ static pm_status try_guesses(hidden_search *s, int from) {
     PM_TRY(pm_search_try(&space, s->count - from, vector, effort, fmin(longest + ENDED, 2 * left),
                          NULL, s->hints->stop, s->trial + from, &s->used));
     s->short_of_time = s->short_of_time || (from == 0 && s->used - before > longest);
-    const double better = s->dataset->ntrajectory > 1 ? BETTER : MUCH_BETTER;
     for (int i = from; i < s->count; ++i) {
         const double error = error_of(s, i);
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
-        if (error < (s->best < from ? better : 1) * other) {
+        if (error < (s->best < from ? BETTER : 1) * other) {
             s->best = i;
         }
     }
@@ -369,6 +370,10 @@ static pm_status find_hidden(hidden_search *s) {
     }
     s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
     s->most = s->most < n ? s->most : n;
+    for (int k = 0; k < s->dataset->ntime && n == 1; ++k) {
+        const double t = pm_dataset_time(s->dataset, 0, k) - pm_dataset_time(s->dataset, 0, 0);
+        s->seconds = isfinite(t) ? TAUGHT * t : s->seconds;
+    }
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
     // What is hidden leaves a large error, a law that is not quite right a small one. Motion heats,
@@ -397,6 +402,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "exchanges heat with a hidden temperature",
                                                         "its friction heats a neighbour",
                                                         "its entropy depends on positions",
+                                                        "an orbit rubs against it",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

@@ -837,6 +837,9 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
     if (draft->most > 0) {
         fprintf(w.f, ", trajectories: \"0:%d\"", draft->most);
     }
+    if (draft->seconds > 0) {
+        fprintf(w.f, ", seconds: %.9g", draft->seconds);
+    }
     fprintf(w.f, "}\nseed: %d\n", draft->seed);
     if (draft->most > 0 || v->noisy || !v->even || !v->complete || v->hides) {
         fputs("noise: estimated\n", w.f);

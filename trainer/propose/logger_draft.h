@@ -23,6 +23,7 @@ typedef struct pm_logger_draft {
     const char *scene_path, *data_path;
     int seed;
     int most;          // for a trial: the first trajectories, as measurements; 0: all
+    double seconds;    // for a trial: of each trajectory the first ones; 0: all
     const char *found; // where constants begin (pm_search_trial); NULL: where regressions put them
 } pm_logger_draft;
 
