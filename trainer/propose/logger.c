@@ -24,8 +24,8 @@
 #define LEAST 1 // s of CPU time that every trial has
 // A single record teaches a model with this part of it, and judges it with the rest.
 #define TAUGHT 0.65
-// A guess must lower the error by this factor. Columns that are predicted as well as their noise
-// allows, or to this part of their deviation, need nothing more.
+// A guess must lower the error of those that are believed more by this factor. Columns that are
+// predicted as well as their noise allows, or to this part of their deviation, need nothing more.
 #define BETTER 0.85
 #define NOISE_ALONE 1.25
 #define SMALL_ERROR 0.1 // of the deviation
@@ -185,9 +185,11 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
                              const char *path) {
     const hidden_search *s = context;
     pm_logger_hints hints = *s->hints;
-    pm_logger_draft draft = {
-        .seed = hints.seed, .data_path = s->data_path, .most = s->most,
-        .seconds = s->seconds, .found = s->found[*chosen]};
+    pm_logger_draft draft = {.seed = hints.seed,
+                             .data_path = s->data_path,
+                             .most = s->most,
+                             .seconds = s->seconds,
+                             .found = s->found[*chosen]};
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
@@ -253,7 +255,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
-        if (error < (s->best < from ? BETTER : 1) * other) {
+        if (error < BETTER * other) {
             s->best = i;
         }
     }

@@ -1289,8 +1289,8 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
-// Says which spins an orbit may rub, for which co-energies the heat of their friction may be hidden,
-// and which temperatures may depend on positions.
+// Says which spins an orbit may rub, for which co-energies the heat of their friction may be
+// hidden, and which temperatures may depend on positions.
 static void offer_heat(pm_logger_view *view) {
     for (int c = 0; c < view->nvariable; ++c) {
         pm_logger_column *y = &view->column[c];

@@ -36,9 +36,6 @@
 #define LAST_ROUNDS 3
 #define POINT_SETTLED 0.2
 #define LAST_SETTLED 0.02
-// Before the last point the noise of a column, relative to its deviation, counts as at least this
-// part of the largest one. A column that is fitted badly would else count for nothing, and stay so.
-#define LEAST_SHARE 0.1
 // Noise below this fraction of the deviation of a column is rounding of the data.
 #define LEAST_NOISE 1e-7
 // Hidden components count as known to this fraction of their typical size, in relation to the mean
@@ -63,9 +60,8 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
     for (int i = 0; i < s->tracks->count; ++i) {
         most += (size_t)s->tracks->track[i].count;
     }
-    double *size = malloc((most + (size_t)s->ny) * sizeof *size), *estimated = size + most;
+    double *size = malloc(most * sizeof *size);
     PM_TRY(size != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an estimate of noise"));
-    double largest = 0; // estimate, relative to a deviation
     for (int c = 0; c < s->ny; ++c) {
         size_t n = 0;
         for (int i = 0; i < s->tracks->count; i += s->stride) {
@@ -78,13 +74,9 @@ static pm_status update_noise(pm_shooting *s, const pm_continuation *continuatio
             }
         }
         pm_sort((size_t)n, size);
-        estimated[c] = n == 0 ? 0 : NORMAL_MEDIAN * size[n / 2];
-        largest = fmax(largest, estimated[c] / s->tracks->deviation[c]);
-    }
-    for (int c = 0; c < s->ny; ++c) {
-        const double part =
-            last ? LEAST_NOISE : fmax(PM_CONTINUATION_EARLY_NOISE, LEAST_SHARE * largest);
-        const double least = part * s->tracks->deviation[c], estimate = estimated[c];
+        const double least =
+            (last ? LEAST_NOISE : PM_CONTINUATION_EARLY_NOISE) * s->tracks->deviation[c];
+        const double estimate = n == 0 ? least : NORMAL_MEDIAN * size[n / 2];
         const double given = continuation->given[c];
         const double noise = given > 0 && last ? given : fmax(fmax(estimate, least), given);
         if (change != NULL) {
