@@ -362,7 +362,7 @@ static pm_status find_columns(hidden_search *s, column_group group) {
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
     const pm_logger_view *v = &s->first;
-    if (!v->noisy && v->even && v->complete && !v->hides) {
+    if (!pm_logger_is_measured(v)) {
         // Complete states without noise are fitted by single steps.
         s->count = 1;
         PM_TRY(try_guesses(s, 0));
@@ -467,11 +467,9 @@ static pm_status write_alternative(void *context, const int *chosen, const char 
 // already (find_laws): their laws have all parts, and the fit says which remain. It begins where
 // the short one ended.
 static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hints,
-                             const int *chosen, const char *found, const char *before,
-                             const char *path) {
+                             const int *chosen, const char *before, const char *path) {
     const pm_logger_view *v = &draft->view;
-    if (v->noisy || !v->even || !v->complete || v->hides) {
-        draft->found = found;
+    if (pm_logger_is_measured(v)) {
         return pm_logger_write_training(draft, chosen, before, path);
     }
     const pm_search_how how = {.budget = hints->budget,
@@ -543,8 +541,10 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
-    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best],
-                            search->trial[search->best].found, text, training));
+    if (pm_logger_is_measured(&draft.view)) {
+        draft.found = search->trial[search->best].found;
+    }
+    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {

@@ -841,7 +841,7 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         fprintf(w.f, ", seconds: %.9g", draft->seconds);
     }
     fprintf(w.f, "}\nseed: %d\n", draft->seed);
-    if (draft->most > 0 || v->noisy || !v->even || !v->complete || v->hides) {
+    if (draft->most > 0 || pm_logger_is_measured(v)) {
         fputs("noise: estimated\n", w.f);
     }
     fputs("\nmodels:\n", w.f);
@@ -884,13 +884,13 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         fprintf(w.f, "%s%s_%s: %s_%s", pm_logger_separate(&some), a, b, a, b);
     }
     fputs("}\n", w.f);
-    if (!(draft->most > 0 || v->noisy || !v->even || !v->complete || v->hides)) {
+    if (!(draft->most > 0 || pm_logger_is_measured(v))) {
         fprintf(w.f,
                 "\nstart: {tries: 1}\nloss: {residual: step}\nstages:\n"
                 "  - {optimiser: gauss_newton, iterations: %d, batch: %d}\n",
                 ITERATIONS, BATCH);
     } else {
-        // All but the networks begins where regressions put it.
+        // All but the networks begins where regressions or a trial put it.
         fprintf(w.f, "\nstart: {tries: %d}\n", TRIES);
     }
     return close_file(w.f, path);

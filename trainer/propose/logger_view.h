@@ -229,6 +229,11 @@ typedef struct pm_logger_view {
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
+// Returns true if a fit takes the columns as measurements: with noise, gaps or hidden variables.
+static inline bool pm_logger_is_measured(const pm_logger_view *view) {
+    return view->noisy || !view->even || !view->complete || view->hides;
+}
+
 // Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
 // across a resistor, those of different kinds, such as a current and an angular velocity, without
 // loss.
