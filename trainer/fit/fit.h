@@ -37,6 +37,7 @@ typedef struct pm_fit_score {
     double production; // of the entropy produced over a rollout: the median
     // States: of each group in the order of the scene, of one step, or where that is not measured
     // of rollouts relative to persistence; 0: the group does not change, or is not measured.
+    // Measurements: of each column of the dataset.
     double group[PM_FIT_SCORED_GROUPS];
     // The logarithms of the errors of single rollouts relative to persistence.
     int nrollout;

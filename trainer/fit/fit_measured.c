@@ -1092,8 +1092,11 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     double sum = 0;
     for (int c = 0; c < m->observation.count; ++c) {
-        sum += log(
-            pm_estimate_typical_error(&e, &m->observation, m->data, which, later ? taught : -1, c));
+        const double error =
+            pm_estimate_typical_error(&e, &m->observation, m->data, which, later ? taught : -1, c);
+        const int column = m->observation.column[c];
+        sum += log(error);
+        score->group[column < PM_FIT_SCORED_GROUPS ? column : 0] = error;
     }
     score->rollout = exp(sum / m->observation.count);
     pm_estimate_free(&e);

@@ -210,16 +210,14 @@ static double error_of(const hidden_search *s, int id) {
 
 // Returns true if no prediction could be much better, since the rest is noise.
 static bool explains(const hidden_search *s) {
-    double noise = 0;
-    int count = 0;
+    const double *error = s->trial[s->best].score.group;
+    bool all = isfinite(error_of(s, s->best));
     for (int c = 0; c < s->first.nvariable; ++c) {
         const pm_logger_column *column = &s->first.column[c];
-        if (column->id >= 0 && column->deviation > 0) {
-            noise += log(fmax(column->roughness, ENOUGH));
-            ++count;
-        }
+        all = all && (column->id < 0 || column->id >= PM_FIT_SCORED_GROUPS ||
+                      error[column->id] < NOISE_ALONE * fmax(column->roughness, ENOUGH));
     }
-    return error_of(s, s->best) < NOISE_ALONE * exp(noise / (count > 0 ? count : 1));
+    return all;
 }
 
 // Tries the guesses from number `from` on, and keeps the best one.
@@ -380,10 +378,10 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(try_guesses(s, 0));
     // What is hidden leaves a large error, a law that is not quite right a small one. Motion heats,
     // and heat hardly moves: what is hidden behind temperatures comes last.
-    const bool small = error_of(s, 0) < SMALL_ERROR;
+    PM_TRY(find_columns(s, SEEN));
+    const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
         if (small == (pass == 0)) {
-            PM_TRY(find_columns(s, SEEN));
             PM_TRY(find_laws(s));
         } else {
             PM_TRY(find_columns(s, UNPLACED));
@@ -404,7 +402,6 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "exchanges heat with a hidden temperature",
                                                         "its friction heats a neighbour",
                                                         "its entropy depends on positions",
-                                                        "an orbit rubs against it",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

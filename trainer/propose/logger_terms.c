@@ -870,8 +870,7 @@ static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
         }
         if (v->column[i].kind != PM_LOGGER_FLOW || v->column[i].source == NULL ||
             !pm_unit_equal(&v->column[i].dimension, &turn) || !pm_logger_meets(v, part, own) ||
-            !(v->column[i].guess == PM_LOGGER_TIDAL ||
-              gain_of(w, i, &products, 0, work, NULL) > fmax(GAINS, LARGE_PART * work->rest))) {
+            !(gain_of(w, i, &products, 0, work, NULL) > fmax(GAINS, LARGE_PART * work->rest))) {
             continue;
         }
         v->tide[v->ntide++] = (pm_logger_tide){i, q, r, heat};

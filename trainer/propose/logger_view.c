@@ -1301,17 +1301,10 @@ static void offer_heat(pm_logger_view *view) {
                               pm_logger_meets(view, y->part, other->part);
             const bool cold = y->kind == PM_LOGGER_FLOW && view->thermometer[y->part] < 0;
             may[PM_LOGGER_WARMER] = may[PM_LOGGER_WARMER] || (near && cold);
-            may[PM_LOGGER_TIDAL] =
-                may[PM_LOGGER_TIDAL] ||
-                (has_unit(y, "rad/s") && view->orbits[j] && pm_logger_leader(view, j) == j &&
-                 pm_logger_meets(view, y->part, other->part));
             may[PM_LOGGER_EXPANDED] =
                 may[PM_LOGGER_EXPANDED] ||
                 (y->kind == PM_LOGGER_TEMPERATURE && other->kind == PM_LOGGER_POSITION &&
                  other->part == y->part && !view->expands[j][c]);
-        }
-        for (int k = 0; k < view->ntide; ++k) {
-            may[PM_LOGGER_TIDAL] = may[PM_LOGGER_TIDAL] && view->tide[k].spin != c;
         }
         for (int g = PM_LOGGER_WARMER; g < PM_LOGGER_CELL; ++g) {
             if (may[g] && y->source != NULL && y->nother < PM_LOGGER_NGUESS) {
