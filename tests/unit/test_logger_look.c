@@ -397,6 +397,54 @@ static void friction_heats_a_gas(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a mass on a spring beside a body that cools ---
+
+static void apart_and_cool(const double *z, double *rate) {
+    rate[0] = z[1];
+    rate[1] = -30 * z[0] - 2 * z[1];
+    rate[2] = -0.8 * (z[2] - 300);
+}
+
+static void some_heat(int i, double *z) {
+    z[0] = 0.2 * cos(1.7 * i), z[1] = 0.3 * cos(2.3 * i), z[2] = 310 + 8 * cos(1.1 * i);
+}
+
+static bool offers(const pm_logger_column *column, pm_logger_guess guess) {
+    bool found = false;
+    for (int k = 0; k < column->nother; ++k) {
+        found = found || column->other[k] == guess;
+    }
+    return found;
+}
+
+// What regressions do not show may be assumed: trials decide.
+static void heat_may_be_assumed(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "v", "T"};
+    static const char *const part[] = {"rod=x,v", "housing=T"};
+    static const char *const port[] = {"rod,housing"};
+    pm_dataset *d = record(&(logged){3, 0, column, "m;m/s;K", 0.02, apart_and_cool, some_heat});
+    for (int apart = 0; apart < 2; ++apart) {
+        // In one part the temperature may depend on the position, else friction may heat it.
+        const pm_logger_guess guess[2][3] = {{[2] = PM_LOGGER_EXPANDED}, {[1] = PM_LOGGER_WARMER}};
+        pm_logger_hints hints = {
+            .npart = 2 * apart, .part = part, .nport = apart, .port = port, .hidden = -1};
+        pm_logger_view v;
+        look(&v, d, &hints);
+        assert_false(v.expands[0][2]);
+        assert_true(offers(&v.column[2], PM_LOGGER_EXPANDED) == (apart == 0));
+        assert_true(offers(&v.column[1], PM_LOGGER_WARMER) == (apart == 1));
+        const int nvariable = v.nvariable;
+        pm_logger_view_free(&v);
+        hints.guess = guess[apart];
+        look(&v, d, &hints);
+        assert_int_equal(v.nvariable, nvariable);
+        assert_true(apart == 0 ? v.expands[0][2] : v.warms[1][2]);
+        pm_logger_view_free(&v);
+    }
+    pm_dataset_free(d);
+}
+
 // --- two vessels that a pipe connects ---
 
 static void vessels_rate(const double *z, double *rate) {
@@ -545,6 +593,7 @@ int main(void) {
         cmocka_unit_test(a_distance_is_not_measured_again),
         cmocka_unit_test(a_head_that_changes_its_sign_is_no_level),
         cmocka_unit_test(friction_heats_a_gas),
+        cmocka_unit_test(heat_may_be_assumed),
         cmocka_unit_test(connected_vessels_exchange_by_their_difference),
         cmocka_unit_test(amounts_change_by_small_integers),
         cmocka_unit_test(a_spin_rubs_against_an_orbit),

@@ -1362,6 +1362,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
     PM_TRY_DONE(pm_logger_find_reactions(&w));
+    offer_heat(view);
     leave_idle_ports(view, hints);
     for (int i = 0; i < view->nvariable; ++i) { // heat without a thermometer is hidden
         for (int j = 0; j < view->nvariable; ++j) {
@@ -1372,7 +1373,6 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
             view->hides = view->hides || rubs;
         }
     }
-    offer_heat(view);
     find_surroundings(view);
     status = pm_arena_status(&view->arena, "the columns of a logger");
 done:
