@@ -786,8 +786,9 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     const double least = fmax(FAINT, SHOWN * rest[0]);
     // Chance explains one part of so many windows.
     const double chance = rest[0] / (work->count > 0 ? work->count : 1);
-    y->curved = hidden || rest[1] - rest[0] > least;
-    y->damped = y->curved || rest[2] - rest[0] > DAMPED * chance;
+    const bool force = y->behind >= 0 && v->column[y->behind].mate >= 0;
+    y->curved = !force && (hidden || rest[1] - rest[0] > least);
+    y->damped = force || y->curved || rest[2] - rest[0] > DAMPED * chance;
     y->bent = hidden || rest[3] - rest[0] > least;
 }
 
