@@ -153,7 +153,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
         shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
     }
     const pm_continuation continuation = {
-        .given = given, .typical = o->deviation, .stop = how->stop};
+        .given = given, .typical = o->deviation, .stop = how->stop, .brief = true};
     PM_TRY_DONE(pm_continuation_run(&shooting, &continuation, NULL));
     for (int w = 0; w < shooting.nwindow; ++w) {
         if (!shooting.window[w].follows) {

@@ -13,7 +13,8 @@
 #include "propose/search.h"
 
 #define FINE 0.15        // substep times the fastest linear rate, where steps are fitted
-#define COARSE 0.5       // likewise for noisy data
+#define MEDIUM 0.25      // likewise for noisy data
+#define COARSE 0.5       // likewise for trials
 #define LEAST_START 1e-9 // deviation of a hidden start
 #define MOST_SUBSTEPS 32
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
@@ -218,7 +219,10 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 fmax(fastest, v->column[c].deviation * v->column[v->column[c].mate].harmonics);
         }
     }
-    const double wanted = ceil(d->dt * fastest / (v->noisy ? COARSE : FINE));
+    const double wanted = ceil(d->dt * fastest /
+                               (draft->most > 0 ? COARSE
+                                : v->noisy      ? MEDIUM
+                                                : FINE));
     int shortest = d->ntime;
     bool surroundings = false, level = false;
     for (int i = 0; i < d->ntrajectory; ++i) {

@@ -220,8 +220,9 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
     const bool last = point->stage == PM_CONTINUATION_LAST;
     bool settled = false;
     running_point running = {continuation, point};
-    const pm_shooting_limits limits = {.iterations = last ? LAST_ITERATIONS : POINT_ITERATIONS,
-                                       .enough = last ? LAST_ENOUGH : POINT_ENOUGH,
+    const bool long_last = last && !continuation->brief;
+    const pm_shooting_limits limits = {.iterations = long_last ? LAST_ITERATIONS : POINT_ITERATIONS,
+                                       .enough = long_last ? LAST_ENOUGH : POINT_ENOUGH,
                                        .stop = continuation->stop,
                                        .keep = keep_progress,
                                        .context = &running};

@@ -40,6 +40,7 @@ typedef struct pm_continuation {
     const double *given; // [ny] noise that the user gives, in units of the columns; 0: estimate it
     const double *typical; // [nz] typical size of the changes of hidden components; 0: not known
     int first;             // samples of the first windows; 0: chosen
+    bool brief;            // the last point takes no more steps than the others
     bool loud;             // print a line for each window length
     const volatile sig_atomic_t *stop; // ends the fit when nonzero; or NULL
     // Where the continuation begins. With a stage other than PM_CONTINUATION_NONE the shooting must
