@@ -1111,12 +1111,14 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     warmest = t;
                 }
                 v->warms[i][t] = seen || ((rise > 0 || hidden) && t == v->thermometer[y->part]);
-                if ((seen || (hidden && v->warms[i][t])) && pm_logger_heat_is_free(v)) {
-                    // The power of the loss gives the scale of all capacities.
-                    const double size = fmax(fabs(y->least), fabs(y->largest));
-                    const double power = y->inertia * fmax(y->decay, 0) * size * size;
-                    const double scale =
-                        seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
+                // The power of the loss gives the scale of all capacities, or, where an input has
+                // given that, of all other co-energies.
+                const double size = fmax(fabs(y->least), fabs(y->largest));
+                const double power = y->inertia * fmax(y->decay, 0) * size * size;
+                const double scale = seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
+                if (v->warms[i][t] && !pm_logger_heat_is_free(v)) {
+                    pm_logger_scale_motion(v, 1 / scale);
+                } else if (seen || (hidden && v->warms[i][t])) {
                     pm_logger_scale_heat(v, scale);
                 }
             }

@@ -276,6 +276,26 @@ static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
     }
 }
 
+// Likewise, the inertias of all other co-energies, if that of a measured one is the unit.
+static inline void pm_logger_scale_motion(pm_logger_view *view, double factor) {
+    bool free = false;
+    for (int k = 0; k < view->nvariable; ++k) {
+        const pm_logger_column *c = &view->column[k];
+        free = free || (c->kind != PM_LOGGER_TEMPERATURE && c->behind < 0 && c->free_scale);
+    }
+    for (int k = 0; k < view->nvariable && free; ++k) {
+        pm_logger_column *c = &view->column[k];
+        if (c->kind != PM_LOGGER_TEMPERATURE && c->kind != PM_LOGGER_POSITION && c->behind < 0) {
+            c->inertia *= factor;
+            c->free_scale = false;
+        }
+    }
+    for (int a = 0; a < view->naction && free; ++a) {
+        const pm_logger_column *target = &view->column[view->action[a].target];
+        view->action[a].gain *= target->kind == PM_LOGGER_TEMPERATURE ? 1 : factor;
+    }
+}
+
 // Returns true if two parts are one, or have a port.
 static inline bool pm_logger_meets(const pm_logger_view *view, int one, int other) {
     bool found = one == other;
