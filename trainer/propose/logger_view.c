@@ -1385,16 +1385,30 @@ done:
 // A port stores no energy: the spring between two positions of two parts belongs to one of them,
 // whose position is then measured from the other one. base[column] becomes that of the other one,
 // along each chain of springs, from the position on which something else acts most. A position that
-// is held by something else, too, stays as it is. Returns whether any is changed.
-static bool measure_distances(const pm_logger_view *v, int *base) {
+// is held by something else, too, stays as it is. Where the hints name ports, springs are only
+// between their parts. Returns whether any is changed.
+static bool measure_distances(const pm_logger_view *v, const pm_logger_hints *hints, int *base) {
     double held[PM_LOGGER_COLUMNS] = {0};
     bool linked[PM_LOGGER_COLUMNS] = {false}, done[PM_LOGGER_COLUMNS] = {false}, any = false;
+    bool spring[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS] = {{false}};
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int p = 0; p < v->nvariable; ++p) {
+            const int one = v->column[q].part, other = v->column[p].part;
+            bool meets = hints->nport == 0 || pm_logger_meets(v, one, other);
+            for (int k = 0; k < v->nidle; ++k) {
+                const int *ends = v->idle[k];
+                meets = meets || (ends[0] == one && ends[1] == other) ||
+                        (ends[0] == other && ends[1] == one);
+            }
+            spring[q][p] = meets && pm_logger_is_linked(v, q, p);
+        }
+    }
     for (int q = 0; q < v->nvariable; ++q) {
         const double *moves = v->coupling[v->column[q].mate >= 0 ? v->column[q].mate : q];
         double sum = moves[q];
         for (int p = 0; p < v->nvariable; ++p) {
-            linked[q] = linked[q] || pm_logger_is_linked(v, q, p);
-            sum += pm_logger_is_linked(v, q, p) ? moves[p] : 0;
+            linked[q] = linked[q] || spring[q][p];
+            sum += spring[q][p] ? moves[p] : 0;
         }
         held[q] = fabs(sum / moves[q]);
     }
@@ -1403,7 +1417,7 @@ static bool measure_distances(const pm_logger_view *v, int *base) {
         int next = -1, from = -1;
         for (int q = 0; q < v->nvariable; ++q) {
             for (int p = 0; p < v->nvariable && done[q]; ++p) {
-                if (!done[p] && pm_logger_is_linked(v, q, p)) {
+                if (!done[p] && spring[q][p]) {
                     next = p, from = q;
                 }
             }
@@ -1429,7 +1443,7 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
         base[c] = -1;
     }
     PM_TRY(look(view, dataset, hints, base));
-    if (measure_distances(view, base)) {
+    if (measure_distances(view, hints, base)) {
         pm_logger_view_free(view);
         PM_TRY(look(view, dataset, hints, base));
     }

@@ -227,14 +227,18 @@ def write_scene(s, rng, path):
     path.write_text("\n".join(lines))
 
 
-def columns_of(s, states):
-    """The columns of the dataset: states in their units, absolute where they are measured from another one."""
-    n = len(s.variables)
-    absolute = np.array(states[:, :n])
+def absolute(s, states):
+    """The states, with the sum of both where one is measured from another one."""
+    result = np.array(states[:, :len(s.variables)])
     for i, v in enumerate(s.variables):
         if v.relative_to is not None:
-            absolute[:, i] += absolute[:, v.relative_to]
-    return absolute / np.array([v.si for v in s.variables])[None, :, None]
+            result[:, i] += result[:, v.relative_to]
+    return result
+
+
+def columns_of(s, states):
+    """The columns of the dataset: states in their units."""
+    return absolute(s, states) / np.array([v.si for v in s.variables])[None, :, None]
 
 
 def write_complete(s, states, inputs, seed, number, path, ntrain):
@@ -258,6 +262,7 @@ def readings(s, states):
     """(names, units, parts, values [time][column][trajectory]) of all that has a sensor."""
     n = len(s.variables)
     dE = np.array([s.gradient(z[:n])[0] for z in states])
+    places = absolute(s, states)
     names, units, parts, values = [], [], [], []
     for i, v in enumerate(s.variables):
         if v.sensor is None:
@@ -266,9 +271,7 @@ def readings(s, states):
         names.append(v.sensor.name if len(same) == 1 else f"{v.sensor.name}{[id(w) for w in same].index(id(v)) + 1}")
         units.append(v.sensor.unit)
         parts.append(v.part)
-        shown = dE[:, i] if v.sensor.coenergy else states[:, i]
-        if v.relative_to is not None and not v.sensor.coenergy:
-            shown = shown + states[:, v.relative_to]
+        shown = dE[:, i] if v.sensor.coenergy else places[:, i]
         values.append(shown * v.sensor.gain + v.sensor.offset)
     return names, units, parts, np.transpose(np.array(values), (1, 0, 2))
 
