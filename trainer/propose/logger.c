@@ -208,6 +208,13 @@ static double error_of(const hidden_search *s, int id) {
     return s->trial[id].failed || isnan(error) ? INFINITY : error;
 }
 
+// Returns where the best trial left the constants, or, where it learned networks, too, where they
+// began in it.
+static const char *found_by_best(const hidden_search *s) {
+    const char *found = s->trial[s->best].found;
+    return *found != '\0' ? found : s->found[s->best];
+}
+
 // Returns true if no prediction could be much better, since the rest is noise.
 static bool explains(const hidden_search *s) {
     const double *error = s->trial[s->best].score.group;
@@ -284,7 +291,7 @@ static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike
             return;
         }
     }
-    s->found[s->count++] = pm_logger_hides(guess) ? NULL : s->trial[s->best].found;
+    s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
 // Adds other laws beside those of the best guesses that may explain more. What they share with the
@@ -309,7 +316,7 @@ static pm_status add_laws(hidden_search *s) {
             memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
             memcpy(s->chosen[s->count], chosen, sizeof s->chosen[0]);
             s->chosen[s->count][which] = richer[k][1];
-            s->found[s->count++] = s->trial[s->best].found;
+            s->found[s->count++] = found_by_best(s);
         }
     }
     pm_logger_view_free(&view);
@@ -539,7 +546,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
     if (pm_logger_is_measured(&draft.view)) {
-        draft.found = search->trial[search->best].found;
+        draft.found = found_by_best(search);
     }
     PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
