@@ -1096,7 +1096,9 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
             pm_estimate_typical_error(&e, &m->observation, m->data, which, later ? taught : -1, c);
         const int column = m->observation.column[c];
         sum += log(error);
-        score->group[column < PM_FIT_SCORED_GROUPS ? column : 0] = error;
+        if (column < PM_FIT_SCORED_GROUPS) {
+            score->group[column] = error;
+        }
     }
     score->rollout = exp(sum / m->observation.count);
     pm_estimate_free(&e);

@@ -85,6 +85,14 @@ static void describe(const pm_logger_view *v) {
                 }
             }
         }
+        for (int j = 0; j < v->nvariable; ++j) {
+            if (v->warms[c][j] && v->column[j].part != column->part) {
+                printf("; its friction heats %s", v->column[j].name);
+            }
+            if (v->expands[j][c]) {
+                printf("; its entropy depends on %s", v->column[j].name);
+            }
+        }
         if (column->noise > 0) {
             const double percent = 100;
             printf("; noise %.2g %% of its deviation", percent * column->roughness);
@@ -215,10 +223,15 @@ static const char *found_by_best(const hidden_search *s) {
     return *found != '\0' ? found : s->found[s->best];
 }
 
-// Returns true if no prediction could be much better, since the rest is noise.
+// Returns true if no prediction could be much better, since the rest is noise. Trials of
+// measurements are judged column by column; those of complete states, which have no noise, as a
+// whole.
 static bool explains(const hidden_search *s) {
-    const double *error = s->trial[s->best].score.group;
-    bool all = isfinite(error_of(s, s->best));
+    const double *error = s->trial[s->best].score.group, whole = error_of(s, s->best);
+    if (s->most == 0) {
+        return whole < NOISE_ALONE * ENOUGH;
+    }
+    bool all = isfinite(whole);
     for (int c = 0; c < s->first.nvariable; ++c) {
         const pm_logger_column *column = &s->first.column[c];
         all = all && (column->id < 0 || column->id >= PM_FIT_SCORED_GROUPS ||
@@ -383,8 +396,9 @@ static pm_status find_hidden(hidden_search *s) {
     }
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    // What is hidden leaves a large error, a law that is not quite right a small one. Motion heats,
-    // and heat hardly moves: what is hidden behind temperatures comes last.
+    // A hidden variable that is missing leaves a large error, and a law that is not quite right
+    // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
+    // comes last.
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
@@ -412,8 +426,10 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};
-    fprintf(f, "# What nobody measures was found by short fits; error on the validation part, %% "
-               "of the deviation:\n");
+    fprintf(f,
+            "# What nobody measures was found by short fits; error on the %s, %% of the "
+            "deviation:\n",
+            s->seconds > 0 ? "last third of the record" : "validation part");
     for (int i = 0; i < s->count; ++i) {
         bool any = false;
         fprintf(f, "# %s ", i == s->best ? "*" : "-");

@@ -1054,7 +1054,7 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
            (same || a->mate < 0 || b->mate < 0) &&
-           (changes(view, i, j) || changes(view, j, i) || view->rubs[i][j]);
+           (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j]);
 }
 
 int pm_logger_heated(const pm_logger_view *view, int i, int j) {
@@ -1158,7 +1158,7 @@ static bool assume_friction(pm_logger_view *view, const int *parts) {
                 linked = linked || (own && pm_logger_is_linked(view, i, j));
                 if (pass == 1 && own && flows && !linked &&
                     pm_unit_equal(&a->dimension, &b->dimension)) {
-                    view->rubs[i][j] = view->rubs[j][i] = any = true;
+                    view->assumed[i][j] = view->assumed[j][i] = any = true;
                 }
             }
         }
@@ -1182,7 +1182,7 @@ static void leave_idle_ports(pm_logger_view *view, const pm_logger_hints *hints)
                         view->column[j].part == view->port[k][1] && pm_logger_joins(view, i, j));
             }
         }
-        // Who names a port knows that something passes, though data do not show it by themselves.
+        // A user who names a port knows that something passes, even if the data do not show it.
         acts = acts || (hints->nport > 0 && assume_friction(view, view->port[k]));
         memcpy(acts ? view->port[kept++] : view->idle[view->nidle++], view->port[k],
                sizeof view->port[k]);
@@ -1289,8 +1289,8 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
-// Says which spins an orbit may rub, for which co-energies the heat of their friction may be
-// hidden, and which temperatures may depend on positions.
+// Offers two guesses to trials: friction heats the temperature of a neighbour, and an entropy
+// depends on the positions of its part.
 static void offer_heat(pm_logger_view *view) {
     for (int c = 0; c < view->nvariable; ++c) {
         pm_logger_column *y = &view->column[c];
@@ -1396,9 +1396,7 @@ static bool measure_distances(const pm_logger_view *v, const pm_logger_hints *hi
             const int one = v->column[q].part, other = v->column[p].part;
             bool meets = hints->nport == 0 || pm_logger_meets(v, one, other);
             for (int k = 0; k < v->nidle; ++k) {
-                const int *ends = v->idle[k];
-                meets = meets || (ends[0] == one && ends[1] == other) ||
-                        (ends[0] == other && ends[1] == one);
+                meets = meets || pm_logger_has_ends(v->idle[k], one, other);
             }
             spring[q][p] = meets && pm_logger_is_linked(v, q, p);
         }

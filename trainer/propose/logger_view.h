@@ -224,7 +224,8 @@ typedef struct pm_logger_view {
     bool gyrates[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // Likewise, by a constant factor, as those of a charge in a magnetic field.
     bool circles[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
-    bool rubs[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];  // a loss between two co-energies is assumed
+    // [i][j] a loss between two co-energies is assumed, since a user has named the port.
+    bool assumed[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
 } pm_logger_view;
 
@@ -276,7 +277,8 @@ static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
     }
 }
 
-// Likewise, the inertias of all other co-energies, if that of a measured one is the unit.
+// Multiplies the inertias of all other co-energies and what acts on them, if the inertia of a
+// measured one was the unit. Their scale is known from then on.
 static inline void pm_logger_scale_motion(pm_logger_view *view, double factor) {
     bool free = false;
     for (int k = 0; k < view->nvariable; ++k) {
@@ -296,13 +298,15 @@ static inline void pm_logger_scale_motion(pm_logger_view *view, double factor) {
     }
 }
 
+static inline bool pm_logger_has_ends(const int *port, int one, int other) {
+    return (port[0] == one && port[1] == other) || (port[0] == other && port[1] == one);
+}
+
 // Returns true if two parts are one, or have a port.
 static inline bool pm_logger_meets(const pm_logger_view *view, int one, int other) {
     bool found = one == other;
     for (int k = 0; k < view->nport; ++k) {
-        const int *ends = view->port[k];
-        found =
-            found || (ends[0] == one && ends[1] == other) || (ends[0] == other && ends[1] == one);
+        found = found || pm_logger_has_ends(view->port[k], one, other);
     }
     return found;
 }
