@@ -1,6 +1,6 @@
 # report_numbers.awk: lists the numbers of report_t for daemon/scene/sample.h.
 #   awk -f report_numbers.awk portmet.lcm > report_numbers.h
-# A comment of a number that a recording keeps as a series ends with its unit and "Recorded as NAME.".
+# A comment of a number that a recording keeps as a series ends with its unit and "Recorded as NAME.", in one line.
 /^struct / { struct = $2 }
 struct == "report_t" && /\[(npart|nend)\];/ {
     split($0, word, /[ \t;\[\]]+/)
@@ -10,6 +10,10 @@ struct == "report_t" && /\[(npart|nend)\];/ {
         split(substr($0, RSTART + 2, RLENGTH - 3), part, /\. Recorded as /)
         unit = "\"" part[1] "\""
         series = "\"" part[2] "\""
+    }
+    if (/Recorded/ && series == "NULL") {
+        print "portmet.lcm:" NR ": expected \", UNIT. Recorded as NAME.\" with a unit without blanks" > "/dev/stderr"
+        exit failed = 1
     }
     member = name
     if (word[4] == "nend") {
@@ -23,6 +27,9 @@ struct == "report_t" && /\[(npart|nend)\];/ {
     }
 }
 END {
+    if (failed) {
+        exit 1
+    }
     print "// Generated from lcmtypes/portmet.lcm by report_numbers.awk."
     print "#define PM_SUBSYSTEM_NUMBERS(NUMBER, BULK)" numbers
     print "#define PM_END_NUMBERS(END)" ends

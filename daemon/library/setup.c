@@ -66,6 +66,7 @@ static pm_status follow_measurements(pm_setup *setup) {
     if (status != PM_OK) {
         return pm_fail(status, "%s: %s", scene->run.reference_at, pm_error());
     }
+    PM_TRY_DONE(pm_columns_convert(scene, data));
     PM_TRY_DONE(check_trajectory(setup, data));
     PM_TRY_DONE(pm_boundary_input_bind(&setup->boundary_input, scene, data,
                                        pm_boundary_input_stride(scene, data), &setup->arena));

@@ -220,7 +220,7 @@ static pm_remote_process *find_remote(const pm_lockstep_coordinator *c, const ch
 
 // --- hellos ---
 
-// Returns true if an instance of the process sent a hello that fitted the run.
+// Returns true if this instance is among the last of the process whose hello fitted the run.
 static bool is_greeted(const pm_remote_process *remote, int64_t instance) {
     for (int i = 0; i < PM_REMOTE_GREETED; ++i) {
         if (remote->greeted[i] == instance) {
@@ -502,7 +502,7 @@ static pm_drop on_report(void *context, const void *data, size_t size) {
 // --- fluxes ---
 
 // A process that publishes a flux of step n has completed n steps.
-static pm_drop on_flux(void *context, const void *data, size_t size) {
+static pm_drop on_progress(void *context, const void *data, size_t size) {
     pm_remote_process *remote = context;
     const portmet_flux_t *flux = &remote->flux;
     PM_TRY_KEEP(pm_flux_decode(&remote->flux, data, size));
@@ -1146,7 +1146,7 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
         pm_remote_process *remote = &c->remote[i];
         PM_TRY_DONE(pm_endpoint_subscribe(&c->endpoint, remote->channel, on_report, remote));
         if (c->hears_fluxes && remote->flux.nend > 0) {
-            PM_TRY_DONE(pm_endpoint_subscribe(&c->endpoint, remote->flux_channel, on_flux, remote));
+            PM_TRY_DONE(pm_endpoint_subscribe(&c->endpoint, remote->flux_channel, on_progress, remote));
         }
         // A request to a neighbour shows that its sender is alive.
         char hellos[PM_CHANNEL_SIZE];

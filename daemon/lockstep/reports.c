@@ -8,8 +8,6 @@
 
 #define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps; avoids fragments
 
-#define LARGEST_REPORT 32768 // bytes of numbers in a report of several steps; avoids fragments
-
 // --- what a report holds ---
 
 // Returns a report without arrays for `rows` steps.

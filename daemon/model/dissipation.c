@@ -1,4 +1,4 @@
-// Builds the rate of the processes of dissipation.h, all of them at once.
+// Builds the rate of all dissipative processes (dissipation.h) at once.
 #include "model/dissipation.h"
 
 // Keeps the square roots differentiable where a temperature is zero.

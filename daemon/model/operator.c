@@ -509,7 +509,8 @@ static pm_node apply(const construction *c, pm_node d) {
     return pm_add_or(g, given, pm_mul(g, from_frame(c, rows), c->scale));
 }
 
-// Returns x minus its component along `direction`: the share (x . measure) / square of it.
+// Returns x - (x . measure)/square direction, which is orthogonal to measure if square is
+// direction . measure.
 static pm_node remove_along(pm_graph *g, pm_node x, pm_node measure, pm_node direction,
                             pm_node square) {
     const pm_node share = pm_div(g, pm_dot(g, x, measure), square);

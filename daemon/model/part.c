@@ -127,7 +127,7 @@ void pm_part_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols,
     }
     for (int i = 0; i < part->spec.nderived; ++i) {
         const pm_derived_spec *derived = &part->spec.derived[i];
-        // The radii of its groups side by side; PM_NO_NODE if no group moves.
+        // The radii of its groups, zero where a group does not move.
         pm_node side[PM_MAX_GROUPS];
         bool any = false;
         for (int k = 0; k < derived->ngroup; ++k) {
@@ -136,6 +136,7 @@ void pm_part_spread(const pm_part *part, pm_graph *g, const pm_symbols *symbols,
             side[k] = own == PM_NO_NODE ? pm_constant(g, 0, 1, group->size) : own;
             any = any || own != PM_NO_NODE;
         }
+        // PM_NO_NODE if none of them moves.
         const pm_node moves = any ? pm_concat(g, derived->ngroup, side) : PM_NO_NODE;
         radius[ngroup + i] = PM_NO_NODE;
         if (moves != PM_NO_NODE) {

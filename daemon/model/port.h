@@ -26,9 +26,10 @@ typedef struct pm_port_law {
     const char *name;
     bool conservative; // in the hard form the energy fluxes of both ends cancel by construction
     bool separate;     // the rate of one end can be evaluated without the rate of the other
-    // Its models name a matrix, or the ends that have boundary terms; they have no operators; a gap
-    // beside a solid shows its force at the end of the substep through it.
-    bool has_matrix, has_ends, has_no_operators, joins_gaps;
+    bool has_matrix;       // its models have the key `matrix`
+    bool has_ends;         // its models have the key `ends`: which ends have boundary terms
+    bool has_no_operators; // the law itself says what acts; its models name no operators
+    bool joins_gaps;       // a gap beside a solid shows its force at the end of a substep through it
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
     // Returns the rate [1][ny] of the components exposed by `own` from the quantities that both
@@ -36,7 +37,8 @@ typedef struct pm_port_law {
     pm_node (*rate)(pm_graph *g, const pm_port_model *port, pm_end own, const pm_port_nodes end[2],
                     pm_node *degeneracy);
     // Returns the irreversible part of the rates of both ends, side by side [1][ny_a + ny_b], or
-    // PM_NO_NODE if nothing acts. NULL: the law has no such part.
+    // PM_NO_NODE if nothing acts. An implicit method evaluates it at predicted co-energies
+    // (prediction.h). NULL: the law has no such part.
     pm_node (*irreversible)(pm_graph *g, const pm_port_model *port, const pm_port_nodes end[2]);
     // Visits the constants that training fixes, like pm_part_visit.
     pm_status (*visit)(const pm_port_model *port, pm_graph *g, const pm_port_nodes end[2],

@@ -6,10 +6,13 @@
 
 #include "model/site.h"
 
-// Keeps the slope finite where the exchange has converged.
+// Keeps slopes finite where the exchange has converged, and makes them 1 where nothing responds.
 #define SMALLEST_CHANGE 1e-100
 
 bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) {
+    if (port->law->irreversible == NULL || port->law->has_no_operators) {
+        return port->law->irreversible != NULL; // what such a law acts on, it alone knows
+    }
     const pm_operator_spec *M = &port->spec.irreversible;
     char name[PM_MAX_NAME];
     snprintf(name, sizeof name, "%s%s", end == PM_END_A ? "a." : "b.", group);
@@ -20,8 +23,7 @@ bool pm_port_responds(const pm_port_model *port, pm_end end, const char *group) 
     for (int i = 0; i < M->nheats; ++i) {
         acts = acts || strcmp(M->heats[i], name) == 0;
     }
-    acts = acts || pm_given_names(M, name);
-    return acts && port->law->irreversible != NULL;
+    return acts || pm_given_names(M, name);
 }
 
 // The co-energies e of both ends, and their responses side by side [1][ny_a + ny_b].
@@ -79,7 +81,8 @@ pm_node pm_port_rate(pm_graph *g, const pm_port_model *port, pm_end own, pm_port
     const pm_node wanted = pm_add_or(g, last, change);
     const pm_node own_rise = pm_mul(g, predicted, x.response);
     const pm_node square = pm_offset(g, pm_dot(g, predicted, own_rise), SMALLEST_CHANGE);
-    *next = pm_mul(g, predicted, pm_div(g, pm_dot(g, wanted, own_rise), square));
+    const pm_node along = pm_offset(g, pm_dot(g, wanted, own_rise), SMALLEST_CHANGE);
+    *next = pm_mul(g, predicted, pm_div(g, along, square));
     const pm_node correction = pm_sub(g, *next, predicted);
     return pm_add(g, port->law->rate(g, port, own, end, degeneracy),
                   pm_slice(g, correction, own == PM_END_A ? 0 : x.n[0], x.n[own]));

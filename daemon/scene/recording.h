@@ -5,8 +5,7 @@
 //   /subsystems/<name>/E J, S J/K, bulk_energy W, bulk_entropy W/K [sample]: the series of
 //     PM_SUBSYSTEM_NUMBERS (sample.h)
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]:
-//   those
-//     of PM_END_NUMBERS
+//     the series of PM_END_NUMBERS
 //   /live/<name> [sample]: the value of a live input during the step before, in SI units
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs

@@ -267,7 +267,7 @@ static pm_status check_values(const pm_dataset *d, const char *name, const doubl
 
 static pm_status check(const pm_dataset *d, const char *path) {
     PM_TRY(d->times == NULL ? pm_times_check(path, d->ntime, d->t, d->dt) : PM_OK);
-    // Measured times rise, and may end before the last sample.
+    // Measured times rise. NaN follows the last time of a trajectory, which has at least two.
     for (int i = 0; i < d->ntrajectory && d->times != NULL; ++i) {
         for (int j = 0; j < d->ntime; ++j) {
             const double now = pm_dataset_time(d, i, j);

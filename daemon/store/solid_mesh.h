@@ -27,7 +27,7 @@ typedef struct pm_solid_mesh {
 } pm_solid_mesh;
 
 // Loads a mesh; its arrays lie in the arena. PM_EFILE: the file cannot be read. PM_EDATA: it is no
-// mesh, or an element or the contact names a node that does not exist. PM_ENOMEM.
+// mesh, or an element or the list of contact nodes names a node that does not exist. PM_ENOMEM.
 pm_status pm_solid_mesh_load(pm_solid_mesh *mesh, const char *path, pm_arena *arena);
 // Writes a mesh; the file appears whole or not at all. PM_EFILE, PM_ENOMEM.
 pm_status pm_solid_mesh_save(const pm_solid_mesh *mesh, const char *path);

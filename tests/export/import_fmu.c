@@ -103,7 +103,8 @@ static void start(const fmu *f, fmi3Instance i) {
 
 // --- Co-Simulation ---
 
-// Writes the inputs of step k to both: around their first values, and held over the step.
+// Gives the inputs of step k, up to a tenth away from `first`, to the FMU, and to `held` for the
+// scene. They hold over the step.
 static void drive(const fmu *f, const double *first, double *held, size_t ninput, long k) {
     for (size_t i = 0; i < ninput; ++i) {
         const fmi3ValueReference r = (fmi3ValueReference)(1 + 2 * f->n + i);

@@ -164,7 +164,7 @@ static void the_penalty_is_differentiated(void **state) {
     pm_damped_equations e;
     double *theta = calloc(2 * (size_t)b.size, sizeof *theta), *plain = theta + b.size;
     assert_non_null(theta);
-    assert_int_equal(pm_damped_equations_open(&e, b.objective, true, NULL), PM_OK);
+    assert_int_equal(pm_damped_equations_open(&e, b.objective, 0, true, NULL), PM_OK);
     pm_objective_weights(b.objective, theta);
     pm_damped_equations_linearise(&e, COUNT, b.index, 1, 1, theta);
     memcpy(plain, e.gradient, (size_t)b.size * sizeof *plain);

@@ -352,7 +352,7 @@ static double decrease(bench *b, bool matrix, const double *H, double damping) {
     pm_damped_equations e;
     double *step = vector(2 * b->size), *Hx = step + b->size;
     pm_objective_evaluate(b->objective, COUNT, b->index, b->gradient);
-    assert_int_equal(pm_damped_equations_open(&e, b->objective, matrix, NULL), PM_OK);
+    assert_int_equal(pm_damped_equations_open(&e, b->objective, 0, matrix, NULL), PM_OK);
     pm_damped_equations_linearise(&e, COUNT, b->index, 1, 0, b->theta);
     assert_true(pm_damped_equations_solve(&e, b->theta, damping, 100, step));
     matrix_times(b->size, H, step, Hx);
@@ -387,6 +387,51 @@ static void conjugate_gradients_find_the_step(void **state) {
     pm_gauss_newton_close(matrix);
     free(gradient);
     free(H);
+    bench_close(&b);
+}
+
+// --- acceleration ---
+
+// Returns v.H v of the loss at theta + t v.
+static double power_at(bench *b, pm_gauss_newton *normal, double t, const double *v, double *work) {
+    const ptrdiff_t n = b->size;
+    double *theta = work, *gradient = work + n, *Hv = work + 2 * n, *H = work + 3 * n;
+    for (ptrdiff_t i = 0; i < n; ++i) {
+        theta[i] = b->theta[i] + t * v[i];
+    }
+    pm_objective_set_weights(b->objective, theta);
+    pm_objective_evaluate(b->objective, COUNT, b->index, NULL);
+    pm_gauss_newton_evaluate(normal, COUNT, b->index, gradient, H);
+    matrix_times((int)n, H, v, Hv);
+    return dot((int)n, v, Hv);
+}
+
+// Along theta + t v the square of J v is v.H v, and half its derivative is v.J^T r''.
+static void residuals_bend_as_their_jacobian_changes(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 2, true, 0);
+    const double h = 1e-4;
+    double *v = vector(2 * b.size), *pull = v + b.size, *work = vector((3 + b.size) * b.size);
+    pm_gauss_newton *normal = NULL;
+    pm_bending *bending = NULL;
+    assert_int_equal(pm_gauss_newton_open(&normal, b.objective, true, NULL), PM_OK);
+    assert_int_equal(pm_bending_open(&bending, b.objective, COUNT), PM_OK);
+    for (int i = 0; i < DIRECTIONS; ++i) {
+        draw_direction(&b, i, v);
+        for (int k = 0; k < b.size; ++k) {
+            v[k] *= 0.01; // steps of this length are far from the next order
+        }
+        const double above = power_at(&b, normal, h, v, work);
+        const double below = power_at(&b, normal, -h, v, work);
+        pm_bending_pull(bending, COUNT, b.index, b.theta, v, pull);
+        random_system_check(&b.w, "v.J^T r''", dot(b.size, v, pull), (above - below) / (4 * h),
+                            1e-3 * (fabs(above - below) / (4 * h)) + 1e-6 * above);
+    }
+    pm_gauss_newton_close(normal);
+    pm_bending_close(bending);
+    free(v);
+    free(work);
     bench_close(&b);
 }
 
@@ -499,6 +544,7 @@ int main(void) {
         cmocka_unit_test(products_are_those_of_the_matrix),
         cmocka_unit_test(conjugate_gradients_find_the_step),
         cmocka_unit_test(training_by_products_lowers_the_loss_and_resumes),
+        cmocka_unit_test(residuals_bend_as_their_jacobian_changes),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(training_lowers_the_penalty),
     };

@@ -135,7 +135,7 @@ static double value_at(bench *b, const double *point) {
     return pm_shooting_evaluate(&b->shooting, point + b->shooting.nweight, false);
 }
 
-// Collects the gradient by weights and starts from the normal equations.
+// Collects the gradient with respect to weights and starts from the normal equations.
 static double gradient_at(bench *b, const double *point) {
     pm_shooting *s = &b->shooting;
     const ptrdiff_t n = s->nweight, nb = s->nborder;

@@ -1,8 +1,8 @@
 // Random systems for property tests: two subsystems and a port. The models are drawn at random from
 // everything that a `model:` block allows, or given by the caller. Weights and states follow from a
 // seed.
-#ifndef PM_TESTS_WORLD_H
-#define PM_TESTS_WORLD_H
+#ifndef PM_TESTS_RANDOM_SYSTEM_H
+#define PM_TESTS_RANDOM_SYSTEM_H
 
 #include "base/rng.h"
 #include "scene/system.h"
@@ -27,7 +27,8 @@ typedef struct random_system {
 void random_system_random(random_system *w, uint64_t seed, pm_form form);
 
 // Makes the system of these texts. All subsystems get the model `part`; `port` may be NULL if the
-// scene has no port.
+// scene has no port. Learned numbers are drawn from a normal distribution, so that units should
+// make all of them of order 1.
 void random_system_of_text(random_system *w, uint64_t seed, const char *scene, const char *part,
                            const char *port);
 

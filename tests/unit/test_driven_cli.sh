@@ -175,11 +175,11 @@ function advance(to) { i = U/R + (i - U/R)*exp(-(to - t)*R/L); t = to }
 BEGIN {
     srand(seed); L = 0.5; R = 1.5; t = 0; U = 2*rand() - 1; i = rand()
     nextU = 0.1 + 0.2*rand(); n = 60 + 5*seed
-    print "t [s],i [A],v [V],U [V]"
-    printf "0,%.12g,%.12g,%.12g\n", i, U - 0.4*i, U
+    print "t [s],i [A],v [V],U [mV]"
+    printf "0,%.12g,%.12g,%.12g\n", i, U - 0.4*i, 1000*U
     for (k = 1; k < n; k++) {
         to = t0 + 0.04 + 0.03*rand(); t0 = to
-        while (nextU < to) { advance(nextU); U = 2*rand() - 1; printf "%.12g,,,%.12g\n", t, U; nextU += 0.1 + 0.3*rand() }
+        while (nextU < to) { advance(nextU); U = 2*rand() - 1; printf "%.12g,,,%.12g\n", t, 1000*U; nextU += 0.1 + 0.3*rand() }
         advance(to)
         printf "%.12g,%.12g,%.12g,\n", t, i + 0.002*(rand() - 0.5), U - 0.4*i + 0.002*(rand() - 0.5)
     }
@@ -226,6 +226,8 @@ succeed "steps in violation 0" evaluate "$folder/uneven.yaml" --weights "$folder
 awk '$1 == "i" || $1 == "v" { if (!($3 < 1)) exit 1; n++ } END { exit n == 2 ? 0 : 1 }' "$folder/out" ||
     fail "evaluate: expected errors below 1 %: $(cat "$folder/out")"
 both_ways "$folder/uneven.yaml" "$folder/u"
+awk '$1 == "coil" && $2 == "warm" { exit $3 < -0.01 && $3 > -1 ? 0 : 1 }' "$folder/one" ||
+    fail "run: the voltage in mV was not converted: $(cat "$folder/one")"
 sed 's/U - coil.inner/W - coil.outer/' "$folder/uneven.yaml" >"$folder/unknown.yaml"
 expect 3 'coil.inner' evaluate "$folder/unknown.yaml" --weights "$folder/u" --data "$folder/uneven.h5" --estimate 0.5
 program=$portmetd

@@ -71,6 +71,7 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
         pm_schedule *schedule = &t->stage[i].schedule;
         schedule->iterations = least(schedule->iterations, e->iterations);
         schedule->batch = least(schedule->batch, e->samples);
+        schedule->thorough = false;
     }
     f->kind = pm_training_is_measured(t) ? &pm_fit_of_measurements : &pm_fit_of_states;
     if (arguments->team != NULL && f->kind == &pm_fit_of_measurements) {

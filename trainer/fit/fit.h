@@ -184,9 +184,9 @@ double pm_fit_processor_time(const pm_fit *fit);
 // the number of the attempt. *loss becomes their loss there; it stays as it is if there is no
 // choice.
 pm_status pm_fit_search_start(pm_fit *fit, double *loss);
-// Writes the present weights to a file with which other fits of the same models may start, and
-// starts with that of the training file. PM_EFILE, PM_ENOMEM.
+// Writes the present weights to a file with which fits of the same models may start. PM_EFILE.
 pm_status pm_fit_save_start(pm_fit *fit, const char *path);
+// Takes the weights of the file that the training file names. PM_EFILE, PM_ENOMEM.
 pm_status pm_fit_load_start(pm_fit *fit);
 // Checks that no two components share a weights file. PM_ECONFIG.
 pm_status pm_fit_check_names(const pm_scene *scene);

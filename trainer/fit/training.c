@@ -234,7 +234,8 @@ static pm_status read_stage(pm_training *t, pm_yaml block, pm_stage *stage) {
                               .last_rate = 1e-3,
                               .beta2 = 0.999,
                               .memory = 30,
-                              .guarded = !t->plain};
+                              .guarded = !t->plain,
+                              .thorough = !t->plain};
     const pm_yaml_key keys[] = {
         {PM_YAML_VALUE("optimiser", &optimiser), .required = true},
         {PM_YAML_INT("iterations", &schedule->iterations, 1, 100000000), .required = true},
@@ -284,7 +285,8 @@ static pm_stage *add_stage(pm_training *t, const pm_stage *common, const char *o
                                     .last_rate = 1e-5,
                                     .beta2 = 0.999,
                                     .memory = 30,
-                                    .guarded = true};
+                                    .guarded = true,
+                                    .thorough = true};
     return stage;
 }
 
@@ -389,7 +391,7 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
                                 {PM_YAML_VALUE("data", &block)},
                                 {PM_YAML_INT("seed", &seed, 0, INT_MAX)},
                                 {PM_YAML_VALUE("models", NULL)},
-                                {PM_YAML_VALUE("subsystems", &parts), .required = true},
+                                {PM_YAML_VALUE("subsystems", &parts)},
                                 {PM_YAML_VALUE("ports", &ports)},
                                 {PM_YAML_VALUE("loss", NULL)},
                                 {PM_YAML_VALUE("stages", &stages)},

@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "data/magnitudes.h"
+#include "graph/program.h"
 #include "sim/step_graph.h"
 
 // A variable at rest counts as if it changed by this fraction of its typical change, so that the
@@ -70,9 +71,10 @@ typedef struct scratch {
 } scratch;
 
 // Appends the relative error [1][1] of the energy balance to the residuals of rates,
-//     sum e / sqrt(sum of e^2 + d^2),
+//     sqrt(balance) sum e / sqrt(sum of e^2 + d^2),
 //     e = dE/dz (z' - z),   d = dE/dz scale sqrt(1/weight^2 - 1 + LEAST^2),
-// where the sums are over all variables, and z' = z + dt zdot is the second state of the window.
+// where the sums are over all variables, z' = z + dt zdot is the second state of the window, scale
+// the typical change of a variable and weight that of its sample. The square root has a lower bound.
 // For a co-energy dE/dz is the derivative by it, not by its energy variable.
 // Where the weights say that a rate is uncertain, d is large, so that its error does not dominate
 // the balance. The work space holds the gradients dE/dz at z, where the only stage of an Euler step
@@ -161,5 +163,34 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
         status = build(g, system, samples, loss, &s, nodes);
     }
     pm_arena_free(&arena);
+    return status;
+}
+
+pm_status pm_loss_graph_rows(pm_graph *g, const pm_loss_context *context, pm_node *input,
+                             pm_node *rows) {
+    pm_loss_nodes nodes;
+    PM_TRY(pm_loss_graph_build(g, context->system, context->samples, context->loss, &nodes));
+    *input = nodes.input;
+    *rows = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
+    if (nodes.degeneracy != PM_NO_NODE) {
+        const double root = sqrt(context->loss->degeneracy);
+        *rows = pm_concat_or(g, *rows, pm_scale(g, nodes.degeneracy, root));
+    }
+    return PM_OK;
+}
+
+pm_status pm_loss_chunk(const pm_graph *g, int count, const pm_node *output, int *chunk) {
+    pm_program *one = NULL, *two = NULL;
+    PM_TRY(pm_program_open(&one, g, count, output, 1));
+    const pm_status status = pm_program_open(&two, g, count, output, 2);
+    if (status == PM_OK) {
+        // The bytes that all samples share, such as weights and gradients, do not count.
+        const size_t each = pm_program_bytes(two) - pm_program_bytes(one) + 1;
+        const size_t fit = PM_LOSS_CHUNK_BYTES / each;
+        const int most = fit > PM_LOSS_CHUNK ? PM_LOSS_CHUNK : fit < 1 ? 1 : (int)fit;
+        *chunk = *chunk == 0 || most < *chunk ? most : *chunk;
+    }
+    pm_program_close(one);
+    pm_program_close(two);
     return status;
 }

@@ -13,10 +13,6 @@
 // Keeps the robust scale away from zero when the fit is exact to rounding.
 #define SMALLEST_MEDIAN 1e-28
 #define VALUES 2 // the outputs of a run without gradient
-// The most samples per run of the graph, and the most bytes that its values may take, so that they
-// stay in the cache.
-#define CHUNK 128
-#define CHUNK_BYTES 33554432
 
 // One lane (loss/team.h): its program of the graph, and its share of the sums.
 typedef struct loss_lane {
@@ -90,9 +86,9 @@ static pm_status open_lanes(pm_objective *o, pm_graph *g, pm_arena *scratch) {
     pm_program *one = NULL;
     PM_TRY(pm_program_open(&one, g, count, output, 1));
     const size_t left_out = (size_t)pm_samples_left_out(o->samples) * sizeof(double);
-    const size_t fit = CHUNK_BYTES / (pm_program_bytes(one) + left_out + 1);
+    const size_t fit = PM_LOSS_CHUNK_BYTES / (pm_program_bytes(one) + left_out + 1);
     pm_program_close(one);
-    o->chunk = fit > CHUNK ? CHUNK : fit < 1 ? 1 : (int)fit;
+    o->chunk = fit > PM_LOSS_CHUNK ? PM_LOSS_CHUNK : fit < 1 ? 1 : (int)fit;
     for (int i = 0; i < o->lanes.own; ++i) {
         loss_lane *l = &o->lane[i];
         l->objective = o;

@@ -14,10 +14,6 @@
 
 // Samples per run of a program that forms Jacobians.
 #define MATRIX_CHUNK 32
-// The most samples per run of a program of products, and the most bytes that its values may take,
-// so that they stay in the cache.
-#define CHUNK 128
-#define CHUNK_BYTES 33554432
 // Each run gives one estimate of the diagonal. Their mean over this many has an error of a fifth.
 #define FEWEST_ESTIMATES 48
 // A weight without any effect at present still gets a positive diagonal entry, in units of the
@@ -28,6 +24,8 @@
 // 2010, section 4.4).
 #define FEWEST_ITERATIONS 10
 #define PROGRESS 5e-3
+// A step is too long where twice its acceleration is more than this part of it (Transtrum, Sethna).
+#define MOST_BENT 0.75
 // The width of a step of a weight that is held, which is the logarithm of a constant.
 #define HELD_WIDTH 0.1
 
@@ -209,24 +207,6 @@ static pm_node build_tangent(pm_gauss_newton *p, pm_graph *g, pm_node residual, 
     return tangent;
 }
 
-// Chooses how many samples a program of these outputs may run at once.
-static pm_status choose_chunk(pm_gauss_newton *p, const pm_graph *g, int count,
-                              const pm_node *output) {
-    pm_program *one = NULL, *two = NULL;
-    PM_TRY(pm_program_open(&one, g, count, output, 1));
-    const pm_status status = pm_program_open(&two, g, count, output, 2);
-    if (status == PM_OK) {
-        // The bytes that all samples share, such as weights and gradients, do not count.
-        const size_t each = pm_program_bytes(two) - pm_program_bytes(one) + 1;
-        const size_t fit = CHUNK_BYTES / each;
-        const int chunk = fit > CHUNK ? CHUNK : fit < 1 ? 1 : (int)fit;
-        p->chunk = p->chunk == 0 || chunk < p->chunk ? chunk : p->chunk;
-    }
-    pm_program_close(one);
-    pm_program_close(two);
-    return status;
-}
-
 static pm_status build_product(pm_gauss_newton *p, pm_graph *g, const pm_node *leaf,
                                pm_arena *scratch) {
     const size_t n = (size_t)p->nentry + 1, size = (size_t)p->size + 1;
@@ -251,8 +231,8 @@ static pm_status build_product(pm_gauss_newton *p, pm_graph *g, const pm_node *l
     int nlinear = list_outputs(p->nentry, p->gradient, linear, 0);
     nlinear = list_outputs(p->nentry, p->estimate, linear, nlinear);
     const int nmultiply = list_outputs(p->nentry, p->result, multiply, 0);
-    PM_TRY(choose_chunk(p, g, nlinear, linear));
-    PM_TRY(choose_chunk(p, g, nmultiply, multiply));
+    PM_TRY(pm_loss_chunk(g, nlinear, linear, &p->chunk));
+    PM_TRY(pm_loss_chunk(g, nmultiply, multiply, &p->chunk));
     for (int i = 0; i < p->lanes.own; ++i) {
         lane *l = &p->lane[i];
         if (p->context.loss->team == NULL || i == 0) {
@@ -376,18 +356,7 @@ static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_a
             n->trained[n->nentry++] = entry;
         }
     }
-    // The residuals of one window of samples: the scaled differences to the data and, in the soft
-    // form, every component of L dS and M dE, times the root of the weight of the penalty. Their
-    // squares sum to the loss of the sample without its robust function.
-    const pm_loss *loss = n->context.loss;
-    pm_loss_nodes nodes;
-    PM_TRY(pm_loss_graph_build(g, n->context.system, n->context.samples, loss, &nodes));
-    n->input = nodes.input;
-    n->residual = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
-    if (nodes.degeneracy != PM_NO_NODE) {
-        n->residual =
-            pm_concat_or(g, n->residual, pm_scale(g, nodes.degeneracy, sqrt(loss->degeneracy)));
-    }
+    PM_TRY(pm_loss_graph_rows(g, &n->context, &n->input, &n->residual));
     for (int i = 0; i < n->nentry; ++i) {
         const pm_param_entry *entry = n->trained[i].entry;
         leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
@@ -431,8 +400,8 @@ void pm_gauss_newton_close(pm_gauss_newton *form) {
 
 // --- damped equations ---
 
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix,
-                                   const bool *frozen) {
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int most,
+                                   bool matrix, const bool *frozen) {
     *e = (pm_damped_equations){
         .size = pm_objective_size(objective), .objective = objective, .frozen = frozen};
     const size_t n = (size_t)e->size;
@@ -449,6 +418,7 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
     if (matrix) {
         e->hessian = pm_arena_array(&e->arena, n * n, sizeof *e->hessian);
         e->damped = pm_arena_array(&e->arena, n * n, sizeof *e->damped);
+        e->bent = pm_arena_array(&e->arena, n, sizeof *e->bent);
     } else {
         e->residual = pm_arena_array(&e->arena, n, sizeof *e->residual);
         e->conditioned = pm_arena_array(&e->arena, n, sizeof *e->conditioned);
@@ -466,10 +436,14 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
         e->active[e->nactive] = i;
         e->nactive += frozen == NULL || !frozen[i];
     }
+    if (matrix && most > 0) {
+        PM_TRY(pm_bending_open(&e->bending, objective, most));
+    }
     return pm_gauss_newton_open(&e->form, objective, matrix, frozen);
 }
 
 void pm_damped_equations_close(pm_damped_equations *e) {
+    pm_bending_close(e->bending);
     pm_gauss_newton_close(e->form);
     pm_arena_free(&e->arena);
 }
@@ -510,8 +484,6 @@ double pm_damped_equations_penalty(const pm_damped_equations *e, const double *t
 static double ridge(const pm_damped_equations *e, size_t i) {
     return e->hold * e->held[i] + e->bend[i] + e->near;
 }
-
-// --- Cholesky ---
 
 // --- conjugate gradients ---
 
@@ -589,26 +561,67 @@ static bool solve_by_products(pm_damped_equations *e, double damping, int most, 
     return true;
 }
 
+// Copies the rows of weights that move from [size] to [nactive], and back.
+static void take_active(const pm_damped_equations *e, double sign, const double *all, double *own) {
+    for (int i = 0; i < e->nactive; ++i) {
+        own[i] = sign * all[e->active[i]];
+    }
+}
+
+static void put_active(const pm_damped_equations *e, const double *own, double *all) {
+    memset(all, 0, (size_t)e->size * sizeof *all);
+    for (int i = 0; i < e->nactive; ++i) {
+        all[e->active[i]] = own[i];
+    }
+}
+
+// Returns the square of a vector in the units of the diagonal.
+static double square(const pm_damped_equations *e, const double *vector) {
+    double sum = 0;
+    for (int i = 0; i < e->size; ++i) {
+        sum += e->diagonal[i] * vector[i] * vector[i];
+    }
+    return sum;
+}
+
+static bool solve_by_factor(pm_damped_equations *e, double damping, double *step) {
+    const size_t size = (size_t)e->size, n = (size_t)e->nactive;
+    for (size_t i = 0; i < n; ++i) {
+        const size_t own = (size_t)e->active[i];
+        for (size_t k = 0; k < n; ++k) {
+            e->damped[i * n + k] = e->hessian[own * size + (size_t)e->active[k]];
+        }
+        e->damped[i * n + i] += damping * e->diagonal[own] + ridge(e, own);
+    }
+    take_active(e, -1, e->gradient, e->image);
+    const bool solved = n == 0 || pm_cholesky_solve((int)n, e->damped, e->image);
+    put_active(e, e->image, step);
+    return solved;
+}
+
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                int most, double *step) {
     if (e->hessian != NULL) {
-        const size_t size = (size_t)e->size, n = (size_t)e->nactive;
-        for (size_t i = 0; i < n; ++i) {
-            const size_t own = (size_t)e->active[i];
-            for (size_t k = 0; k < n; ++k) {
-                e->damped[i * n + k] = e->hessian[own * size + (size_t)e->active[k]];
-            }
-            e->damped[i * n + i] += damping * e->diagonal[own] + ridge(e, own);
-            e->image[i] = -e->gradient[own];
-        }
-        const bool solved = n == 0 || pm_cholesky_solve((int)n, e->damped, e->image);
-        memset(step, 0, size * sizeof *step);
-        for (size_t i = 0; i < n; ++i) {
-            step[e->active[i]] = e->image[i];
-        }
-        return solved;
+        return solve_by_factor(e, damping, step);
     }
     pm_objective_set_weights(e->objective, theta);
     assert(most <= PM_MOST_CONJUGATE_GRADIENTS);
     return solve_by_products(e, damping, most, step);
+}
+
+bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta, double *step) {
+    if (e->bending == NULL || e->nactive == 0) {
+        return true;
+    }
+    pm_bending_pull(e->bending, e->count, e->index, theta, step, e->bent);
+    take_active(e, -0.5, e->bent, e->image);
+    pm_cholesky_back(e->nactive, e->damped, 1, e->image);
+    put_active(e, e->image, e->bent);
+    if (!(4 * square(e, e->bent) <= MOST_BENT * MOST_BENT * square(e, step))) {
+        return false;
+    }
+    for (int i = 0; i < e->size; ++i) {
+        step[i] += e->bent[i];
+    }
+    return true;
 }

@@ -30,6 +30,7 @@
 #include <stdint.h>
 
 #include "loss/objective.h"
+#include "optimise/bending.h"
 
 // --- the matrix and its products ---
 
@@ -70,6 +71,7 @@ typedef struct pm_damped_equations {
     int size;
     pm_objective *objective; // borrowed
     pm_gauss_newton *form;
+    pm_bending *bending;         // NULL: steps are not accelerated
     double *gradient, *diagonal; // [size]
     double *held;                // [size] 1 for weights that are held, else 0
     double hold;                 // what is added to the diagonal for weights that are held
@@ -77,6 +79,7 @@ typedef struct pm_damped_equations {
     double *bend;                // [size] the diagonal of S
     double shrinkage;            // the factor of the penalty; 0 at first, the caller may change it
     double *hessian, *damped;    // [size][size] H and the damped matrix; NULL: conjugate gradients
+    double *bent;                // [size] the acceleration; NULL: conjugate gradients
     double *residual, *conditioned, *direction, *image; // [size] vectors of conjugate gradients
     double near;          // `near` in the equation; 0 at first, the caller may change it
     const bool *frozen;   // [size] weights whose step is zero, borrowed; NULL: none
@@ -85,12 +88,12 @@ typedef struct pm_damped_equations {
     const int *index;     // [count], borrowed
 } pm_damped_equations;
 
-// Prepares the equations for the loss of `objective`, which must outlive them. With `matrix` they
-// are solved by a Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are
-// weights whose step is zero, borrowed; NULL: none. The caller closes them, after a failure too.
-// PM_ENOMEM.
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, bool matrix,
-                                   const bool *frozen);
+// Prepares the equations for the loss of `objective`, which must outlive them, on any
+// samples; pm_damped_equations_accelerate takes `most` of them. With `matrix` they are solved by a
+// Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are weights whose step is zero, borrowed; NULL: none. The caller
+// closes them, after a failure too. PM_ENOMEM.
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int most,
+                                   bool matrix, const bool *frozen);
 void pm_damped_equations_close(pm_damped_equations *e);
 
 // Computes the gradient and the matrix, or its diagonal, on the samples index [count], at the
@@ -110,5 +113,10 @@ double pm_damped_equations_penalty(const pm_damped_equations *e, const double *t
 // linearisation. Returns false if the equations cannot be solved with this damping.
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                int most, double *step);
+
+// Adds its acceleration to a step that pm_damped_equations_solve has found with a factor; without a
+// matrix, and if the equations were opened for 0 samples, it changes nothing. `theta` as above. Returns false if the acceleration is so large that
+// the step goes beyond what two derivatives describe.
+bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta, double *step);
 
 #endif

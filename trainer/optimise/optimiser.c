@@ -186,13 +186,17 @@ static const pm_damping damping_of_weights = {
 // No weight moves by more than this in a guarded step. A longer step may end where a hidden unit is
 // saturated or an exponential has vanished, from where no gradient leads back.
 #define LONGEST 1.0
-// A guarded run ends when this number of iterations has not lowered the loss by this factor.
+// A guarded run settles when this number of iterations has not lowered the loss by this factor.
+// Where it is thorough, its batch then grows by GROWTH, up to all samples: what few of them can teach
+// is learned from few.
 #define PATIENCE 10
 #define PROGRESS 0.98
-// Places in the moment: of the loss that PATIENCE compares with, and of the robust scale D^2 at the
-// time of that loss.
+#define GROWTH 4
+// Places in the moment: of the loss that PATIENCE compares with, of the robust scale D^2 at the
+// time of that loss, and of the number of times that the batch has grown.
 #define SETTLED 2
 #define SETTLED_SCALE 3
+#define GROWN 4
 // The most weights, and the most residuals of a sample, for which the matrix is formed. It takes a
 // reverse pass for each residual. Conjugate gradients take about three hundred passes instead.
 #define MOST_WEIGHTS_OF_MATRIX 4000
@@ -208,7 +212,7 @@ typedef struct solver {
     int *index;
     // The samples of the matrix and their number. A guarded run chooses them among the checked
     // ones, with these chances [samples] and importances [samples] (optimise/importance.h).
-    int *chosen, nchosen; // [batch + 1]
+    int *chosen, nchosen; // [samples + 1]
     double *chance, *importance;
     bool *frozen;         // [size] weights that stay as they are
     double *step, *trial; // [size]
@@ -279,8 +283,10 @@ static bool solve(void *context, double damping) {
     solver *s = context;
     const int most = FIRST_EFFORT + s->o->done * MORE_EFFORT;
     return pm_damped_equations_solve(
-        &s->equations, s->o->theta, damping,
-        most < PM_MOST_CONJUGATE_GRADIENTS ? most : PM_MOST_CONJUGATE_GRADIENTS, s->step);
+               &s->equations, s->o->theta, damping,
+               most < PM_MOST_CONJUGATE_GRADIENTS ? most : PM_MOST_CONJUGATE_GRADIENTS, s->step) &&
+           (!s->o->schedule.thorough ||
+            pm_damped_equations_accelerate(&s->equations, s->o->theta, s->step));
 }
 
 // Linearises the loss of a fresh batch.
@@ -328,7 +334,7 @@ static pm_status linearise(void *context, double *loss) {
 // the moment of the optimisation, behind the damping.
 static bool is_settled(const solver *s, double loss) {
     pm_optimisation *o = s->o;
-    if (!o->schedule.guarded || s->size <= SETTLED_SCALE || o->done % PATIENCE != 0) {
+    if (!o->schedule.guarded || s->size <= GROWN || o->done % PATIENCE != 0) {
         return false;
     }
     const double before = o->moment[SETTLED], scale_before = o->moment[SETTLED_SCALE];
@@ -336,6 +342,18 @@ static bool is_settled(const solver *s, double loss) {
     o->moment[SETTLED] = loss;
     o->moment[SETTLED_SCALE] = scale;
     return before > 0 && loss > PROGRESS * before && scale >= PROGRESS * scale_before;
+}
+
+// Sets the sizes of the batch and of what judges its steps.
+static void set_batch(solver *s) {
+    const pm_optimisation *o = s->o;
+    const int count = pm_objective_samples(o->objective);
+    const bool grows = o->schedule.thorough && s->size > GROWN;
+    const double batch = o->schedule.batch * pow(GROWTH, grows ? o->moment[GROWN] : 0);
+    s->batch = batch < count ? (int)batch : count;
+    s->checked = !o->schedule.guarded         ? s->batch
+                 : s->batch < count / CHECKED ? CHECKED * s->batch
+                                              : count;
 }
 
 static pm_status finish(void *context, double before, double loss, bool moved) {
@@ -353,6 +371,12 @@ static pm_status finish(void *context, double before, double loss, bool moved) {
     }
     ++o->done;
     s->settled = is_settled(s, loss);
+    if (s->settled && o->schedule.thorough && s->batch < pm_objective_samples(o->objective)) {
+        ++o->moment[GROWN];
+        o->moment[SETTLED] = 0;
+        s->settled = false;
+        set_batch(s);
+    }
     return isfinite(loss) ? o->report(o->context, o, loss)
                           : pm_fail(PM_ENUMERIC, "gauss_newton: the loss became %g", loss);
 }
@@ -366,14 +390,12 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     const int count = pm_objective_samples(o->objective);
     const size_t n = (size_t)pm_objective_size(o->objective);
     *s = (solver){.o = o, .size = (int)n};
-    s->batch = o->schedule.batch < count ? o->schedule.batch : count;
-    s->checked = !o->schedule.guarded         ? s->batch
-                 : s->batch < count / CHECKED ? CHECKED * s->batch
-                                              : count;
+    set_batch(s);
+    const int most = o->schedule.thorough ? count : s->checked;
     const pm_system *system = pm_objective_context(o->objective).system;
     const int nentry = pm_trained_list(system, NULL);
     s->index = pm_arena_array(&s->arena, (size_t)count, sizeof *s->index);
-    s->chosen = pm_arena_array(&s->arena, (size_t)s->batch + 1, sizeof *s->chosen);
+    s->chosen = pm_arena_array(&s->arena, (size_t)most + 1, sizeof *s->chosen);
     s->chance = pm_arena_array(&s->arena, (size_t)count, sizeof *s->chance);
     s->importance = pm_arena_array(&s->arena, (size_t)count, sizeof *s->importance);
     s->step = pm_arena_array(&s->arena, n, sizeof *s->step);
@@ -389,7 +411,8 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
                 o->schedule.early != PM_AT_ONCE && entry[i].entry->late >= o->schedule.early;
         }
     }
-    PM_TRY(pm_damped_equations_open(&s->equations, o->objective, matrix, s->frozen));
+    PM_TRY(pm_damped_equations_open(&s->equations, o->objective,
+                                    o->schedule.thorough ? most : 0, matrix, s->frozen));
     return PM_OK;
 }
 

@@ -55,9 +55,9 @@ typedef struct pm_part_view {
     // Positions of two or three components: their energy is rather a polynomial of the length than
     // of its logarithm.
     bool by_length[PM_MAX_GROUPS];
-    // The sign changes when time runs backwards, as that of momenta and fluxes does: the unit has
-    // an odd power of s and A together. Without loss such a variable moves those that keep their
-    // sign.
+    // The sign changes when time runs backwards, as that of momenta and flux linkages does: the
+    // exponents of s and A in its unit add up to an odd number. Without loss such a variable moves
+    // those that keep their sign.
     bool odd[PM_MAX_GROUPS];
     bool angle[PM_MAX_GROUPS]; // the unit is one of angles
     // Lengths and angles: the rate depends on other variables alone, so that friction does not act
@@ -75,8 +75,8 @@ static inline int pm_part_view_find(const pm_part_view *view, const char *name) 
 }
 
 // Returns true if the lossless coupling of this group of a subsystem with others may be more than
-// its conjugate pair: it is no entropy, no position whose rate depends on momenta alone, no angular
-// momentum of three components and nothing that turns with one, and changes in the data.
+// its conjugate pair: it changes in the data, and it is no entropy, no position whose rate depends
+// on momenta alone, no angular momentum of three components and no direction that turns with one.
 bool pm_view_may_couple(const pm_part_view *view, int group);
 
 // How the angular momentum behaves, the sum of q x p over conjugate pairs of vectors and of what

@@ -1,11 +1,12 @@
-// Shape functions of the brick, and its points: those of Gauss, two along each axis.
+// Shape functions of the brick, and its Gauss points, two along each axis.
 #include "model/solid/brick.h"
 
 #include <math.h>
 
 #include "model/solid/tensor.h"
 
-// The nodes in the cube [-1, 1]^3. The points are these divided by sqrt(3).
+// The corners of the cube [-1, 1]^3, which are the nodes. The Gauss points are these divided by
+// sqrt(3).
 static const double corner[PM_BRICK_NODES][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
                                                  {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
 
