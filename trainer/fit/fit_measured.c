@@ -893,10 +893,10 @@ done:
 }
 
 // Predicts the columns of the trajectories `judged` [count] by a black box that is trained on the
-// training part, and writes the medians of their errors to error [ny]. deviation [ny] receives the
-// deviations of the columns. PM_EDATA: there are too few samples for a black box; PM_ENOMEM.
+// training part, and writes the medians of their errors to error [ny]. PM_EDATA: there are too few
+// samples for a black box; PM_ENOMEM.
 static pm_status run_black_box(pm_fit *f, const pm_estimate *e, const int *judged, double seconds,
-                               double *error, double *deviation, pm_black_box *chosen) {
+                               double *error, pm_black_box *chosen) {
     const pm_fit_measured *m = &f->measured;
     const pm_scene *scene = f->training->scene;
     const bool held = f->split.nvalidation > 0;
@@ -918,7 +918,6 @@ static pm_status run_black_box(pm_fit *f, const pm_estimate *e, const int *judge
     memcpy(list + ntraining, judged, (size_t)(count - ntraining) * sizeof *list);
     PM_TRY_DONE(pm_tracks_make(&tracks, scene, &m->observation, m->data, count, list,
                                f->training->seconds, true));
-    memcpy(deviation, tracks.deviation, (size_t)e->ny * sizeof *deviation);
     for (int i = 0; i < count; ++i) {
         const pm_track *t = &tracks.track[i];
         ntime[i] = 1 + (int)lround((t->time[t->count - 1] - t->time[0]) / scene->physics.dt);
@@ -994,7 +993,6 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     pm_black_box box = {.tried = 0};
     pm_verdict v = {.count = 0};
     double *black = pm_arena_array(&arena, (size_t)ny, sizeof *black);
-    double *deviation = pm_arena_array(&arena, (size_t)ny, sizeof *deviation);
     bool finite = true, known = false;
     const char *name = "it";
     double taken = 0, worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
@@ -1015,7 +1013,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     }
     PM_TRY_DONE(status);
     taken = pm_fit_processor_time(f);
-    status = run_black_box(f, &e, which, seconds, black, deviation, &box);
+    status = run_black_box(f, &e, which, seconds, black, &box);
     PM_TRY_DONE(status == PM_EDATA ? PM_OK : status); // too few samples for any
     taken = pm_fit_processor_time(f) - taken;
     printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
@@ -1023,8 +1021,9 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
            where, seconds);
     for (int c = 0; c < ny; ++c) {
         const pm_box errors = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);
-        const double typical =
-            pm_estimate_typical_error(&e, &m->observation, m->data, which, seconds, c);
+        const double noise = known ? u.independent[c] : 0; // it differs from sample to sample
+        const double rest =
+            pm_estimate_unexplained(&e, &m->observation, m->data, which, seconds, c, noise);
         const double inside =
             pm_estimate_coverage(&e, &m->observation, m->data, which, seconds, c, NORMAL);
         printf("  %-16s %10.3g %10.3g", m->observation.name[c], 100 * errors.median,
@@ -1032,11 +1031,8 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         print_percent(m->left_out[c] > 0 ? m->left_out[c] : NAN);
         print_percent(box.tried > 0 ? black[c] : NAN);
         printf("\n");
-        // What noise cannot explain: it differs from sample to sample.
-        const double noise = known ? u.independent[c] / deviation[c] : 0;
-        const double rest = sqrt(fmax(typical * typical - noise * noise, 0));
         finite = finite && isfinite(errors.median);
-        worst = fmax(worst, typical);
+        worst = fmax(worst, errors.median);
         name = rest > unexplained ? m->observation.name[c] : name;
         unexplained = fmax(unexplained, rest);
         own += log(errors.median) / ny;
@@ -1065,7 +1061,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
             "the structure loses: a black box has %.3g times less error", exp(own - other));
     }
     snprintf(text, sizeof text,
-             "On the %s part predictions typically miss %.3g %% of the deviation of a column.",
+             "On the %s part predictions miss at most %.3g %% of a column's deviation in the median.",
              where, 100 * worst);
     pm_verdict_print(&v, text, f->verdict);
 done:

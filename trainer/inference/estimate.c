@@ -13,6 +13,7 @@
 // middle.
 #define NORMAL_MEDIAN 1.4826022185056018
 #define NORMAL_MEAN 1.2533141373155001
+#define OUTLYING 0.01 // of the misses of a trajectory, that may be outliers
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
 // Records have another noise than those of the fit if its logarithm differs by so many standard
@@ -363,9 +364,12 @@ static double later_sample(const pm_estimate *e, const pm_observation *o, const 
                                         : NAN;
 }
 
-double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
-                         const int *which, double seconds, int id, int column) {
-    double mean = 0, square = 0, miss = 0;
+// Writes the squares of the misses of one trajectory after the first seconds to miss [ntime], and
+// returns their number. *variance becomes that of all its measurements.
+static int misses_of(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                     const int *which, double seconds, int id, int column, double *miss,
+                     double *variance) {
+    double mean = 0, square = 0;
     int n = 0, later = 0;
     for (int k = 0; k < e->ntime; ++k) {
         const double y = later_sample(e, o, dataset, which[id], -1, k, column);
@@ -378,10 +382,55 @@ double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm
         const double y = later_sample(e, o, dataset, which[id], seconds, k, column);
         const double r = e->y[((ptrdiff_t)id * e->ntime + k) * e->ny + column] - y;
         square += isnan(any) ? 0 : (any - mean) * (any - mean) / n;
-        miss += isnan(y) ? 0 : r * r;
-        later += !isnan(y);
+        if (!isnan(y)) {
+            miss[later++] = r * r;
+        }
     }
-    return later == 0 ? NAN : isfinite(miss) ? sqrt(miss / later / square) : INFINITY;
+    *variance = square;
+    return later;
+}
+
+// Returns the root of what is left of the mean square miss of one trajectory, without its largest
+// part and without that of noise, over its standard deviation.
+static double left_of(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                      const int *which, double seconds, int id, int column, double part,
+                      double noise, double *miss) {
+    double variance = 0, sum = 0;
+    const int later = misses_of(e, o, dataset, which, seconds, id, column, miss, &variance);
+    const int kept = later - (int)(part * later);
+    if (part > 0) {
+        pm_sort((size_t)later, miss);
+    }
+    for (int k = 0; k < kept; ++k) {
+        sum += miss[k];
+    }
+    return later == 0      ? NAN
+           : isfinite(sum) ? sqrt(fmax(sum / kept - noise * noise, 0) / variance)
+                           : INFINITY;
+}
+
+double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
+                         const int *which, double seconds, int id, int column) {
+    double *miss = malloc((size_t)e->ntime * sizeof *miss);
+    const double error =
+        miss == NULL ? NAN : left_of(e, o, dataset, which, seconds, id, column, 0, 0, miss);
+    free(miss);
+    return error;
+}
+
+double pm_estimate_unexplained(const pm_estimate *e, const pm_observation *o,
+                               const pm_dataset *dataset, const int *which, double seconds,
+                               int column, double noise) {
+    double *error = malloc((size_t)(e->count + e->ntime) * sizeof *error), *miss = error + e->count;
+    double median = NAN;
+    for (int i = 0; i < e->count && error != NULL; ++i) {
+        error[i] = left_of(e, o, dataset, which, seconds, i, column, OUTLYING, noise, miss);
+    }
+    if (error != NULL) {
+        median = pm_box_of(e->count, error).median;
+    }
+    free(error);
+    return median;
 }
 
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,

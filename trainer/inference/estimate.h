@@ -55,6 +55,12 @@ double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm
 // Returns the distribution of these errors over all trajectories.
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                           const int *which, double seconds, int column);
+// Returns what noise of this standard deviation leaves unexplained of these errors, in the median
+// over all trajectories. The largest hundredth of a trajectory's misses does not count: they may be
+// outliers of the measurements. NAN: as above, or memory ran out.
+double pm_estimate_unexplained(const pm_estimate *e, const pm_observation *o,
+                               const pm_dataset *dataset, const int *which, double seconds,
+                               int column, double noise);
 // Returns the median distance of the measurements of a column after `seconds` from their
 // predictions, in units of the mean distance of all measurements from their median, over all
 // trajectories, both as standard deviations of a normal distribution. A few outliers hardly count.
