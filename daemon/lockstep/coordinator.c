@@ -1146,7 +1146,8 @@ pm_status pm_lockstep_coordinator_open(pm_lockstep_coordinator **coordinator,
         pm_remote_process *remote = &c->remote[i];
         PM_TRY_DONE(pm_endpoint_subscribe(&c->endpoint, remote->channel, on_report, remote));
         if (c->hears_fluxes && remote->flux.nend > 0) {
-            PM_TRY_DONE(pm_endpoint_subscribe(&c->endpoint, remote->flux_channel, on_progress, remote));
+            PM_TRY_DONE(
+                pm_endpoint_subscribe(&c->endpoint, remote->flux_channel, on_progress, remote));
         }
         // A request to a neighbour shows that its sender is alive.
         char hellos[PM_CHANNEL_SIZE];

@@ -24,12 +24,12 @@ typedef struct pm_port_nodes {
 
 typedef struct pm_port_law {
     const char *name;
-    bool conservative; // in the hard form the energy fluxes of both ends cancel by construction
-    bool separate;     // the rate of one end can be evaluated without the rate of the other
+    bool conservative;     // in the hard form the energy fluxes of both ends cancel by construction
+    bool separate;         // the rate of one end can be evaluated without the rate of the other
     bool has_matrix;       // its models have the key `matrix`
     bool has_ends;         // its models have the key `ends`: which ends have boundary terms
     bool has_no_operators; // the law itself says what acts; its models name no operators
-    bool joins_gaps;       // a gap beside a solid shows its force at the end of a substep through it
+    bool joins_gaps; // a gap beside a solid shows its force at the end of a substep through it
     // Checks the spec and declares the parameters.
     pm_status (*declare)(pm_port_model *port);
     // Returns the rate [1][ny] of the components exposed by `own` from the quantities that both

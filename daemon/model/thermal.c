@@ -139,8 +139,8 @@ pm_node pm_thermal_build_from(pm_graph *g, const pm_network_spec *spec, pm_node 
     const rises r = build_rises(g, spec, s, exponent, deviation);
     const pm_node h = pm_reshape(g, pm_slice(g, out, 1, rows * count), rows, count);
     const pm_node shift = pm_mul(g, h, r.beta);
-    // The quadratic part of the heat at s = mean. It is taken away, since the network f describes it
-    // (thermal.h).
+    // The quadratic part of the heat at s = mean. It is taken away, since the network f describes
+    // it (thermal.h).
     const pm_node half = pm_scale(g, pm_square(g, shift), 0.5);
     pm_node stored;
     if (spec->rising) {

@@ -58,9 +58,9 @@ void pm_solid_dynamics_start(pm_solid_dynamics *d, const double *z);
 // Computes E, S, dE and dS at z, which is `from`, the start of the substep, or the last result. The
 // velocity is that from `from` to z within h s.
 void pm_solid_dynamics_expose(pm_solid_dynamics *d, const double *z, const double *from, double h);
-// Computes d->result from the state z at the start of the substep of h s and the rates of the ports:
-// mean [nz] over the substep, and d->end_rate at its end. It does nothing if the rates have the bits
-// of the last call in this substep; d->changed says whether it did. Returns false, and
+// Computes d->result from the state z at the start of the substep of h s and the rates of the
+// ports: mean [nz] over the substep, and d->end_rate at its end. It does nothing if the rates have
+// the bits of the last call in this substep; d->changed says whether it did. Returns false, and
 // fails the next end of a step, if no balance of forces is found.
 bool pm_solid_dynamics_balance(pm_solid_dynamics *d, double h, const double *z, const double *mean);
 // Ends a substep: the next call of pm_solid_dynamics_balance starts from d->result.

@@ -29,8 +29,8 @@
 // their own.
 #define ENERGY_TOLERANCE 1e-12
 #define ENTROPY_TOLERANCE 1e-15
-// Projections leave rounding errors in proportion to what they remove. A gross flux therefore counts
-// as at least this part of that without projections.
+// Projections leave rounding errors in proportion to what they remove. A gross flux therefore
+// counts as at least this part of that without projections.
 #define LEFT_OVER 0.1
 // Tolerance of identities between two evaluations of an operator, whose rounding differs. A
 // projection amplifies rounding by the ratio of its argument to its result.

@@ -167,8 +167,8 @@ static void matrices_give_the_openings(void **state) {
         }
     }
     boxes_check("the tilt opens", 0, matrix[1][NPAIR - 1][0], -matrix[0][NPAIR - 1][0]);
-    // A tilt does not slide a side itself. Sliding is taken half way to the axis of the tilt, and is
-    // half the slope there.
+    // A tilt does not slide a side itself. Sliding is taken half way to the axis of the tilt, and
+    // is half the slope there.
     for (int i = 0; i < 2 * NPAIR; ++i) {
         const double slid = matrix[1][PM_CONTACT_SLID_U * NPAIR + i][0];
         boxes_check("slid", i, slid, 0.5 * matrix[1][PM_CONTACT_SLOPE_U * NPAIR + i][0]);

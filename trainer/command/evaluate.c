@@ -126,7 +126,9 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
                  "after "
                  "--estimate"},
         {"--estimate", NULL, "SECONDS", .positive = &seconds,
-         .help = "the data are measurements: estimate each start from these first seconds"},
+         .help =
+             "the data are measurements: estimate each start from these first seconds; default: "
+             "`estimate` of the reference in the scene"},
         {"--states", NULL, "FILE", NULL, &a.states, false,
          .help = "with --estimate: write the predicted states, from which portmetd can start a run",
          .is_output = true},
@@ -167,8 +169,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     a.data = data.path;
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
-    // A scene that begins at an estimated start with hidden groups cannot begin elsewhere.
-    seconds = seconds == 0 && pm_scene_hides(j.scene) ? j.scene->run.reference_estimate : seconds;
+    seconds = seconds == 0 ? j.scene->run.reference_estimate : seconds; // as in a run
     if (seconds > 0) {
         status = pm_evaluate_from_estimate(j.system, &a, seconds, stop);
         goto done;

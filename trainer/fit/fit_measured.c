@@ -45,6 +45,7 @@
 #define HELD_REACH 1e-3    // of the weights of a network that is held at zero
 #define FAINT 0.1          // of a draw: a factor of M beside a formula, which cannot begin at zero
 #define BETTER 0.95        // error of unseen pieces, times that without networks beside formulas
+#define NEGLIGIBLE 0.01    // of the deviation of a column over all trajectories
 #define LEAST_COVERAGE 0.7 // of bands of 90 %, in a good fit
 #define NORMAL 1.644854    // half the width of a band of 90 %, in deviations
 #define MOST_REPORTED 8    // trajectories whose starts the report estimates
@@ -993,7 +994,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     pm_black_box box = {.tried = 0};
     pm_verdict v = {.count = 0};
     double *black = pm_arena_array(&arena, (size_t)ny, sizeof *black);
-    bool finite = true, known = false;
+    bool finite = true, known = false, lost = false;
     const char *name = "it";
     double taken = 0, worst = 0, unexplained = 0, own = 0, other = 0, least = 1;
     char text[200];
@@ -1033,6 +1034,9 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         printf("\n");
         finite = finite && isfinite(errors.median);
         worst = fmax(worst, errors.median);
+        // A column that hardly moves in these trajectories, beside others, is not lost.
+        lost = lost || (rest >= 1 && pm_estimate_typical_error(&e, &m->observation, m->data, which,
+                                                               seconds, c) > NEGLIGIBLE);
         name = rest > unexplained ? m->observation.name[c] : name;
         unexplained = fmax(unexplained, rest);
         own += log(errors.median) / ny;
@@ -1043,7 +1047,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         printf("Black box: %s, a regression without structure, in %.2g s of CPU.\n", box.name,
                taken);
     }
-    if (!finite || own > 0) {
+    if (!finite || own > 0 || lost) {
         const char *what = finite ? "worse than the mean of the measurements" : "not finite";
         PM_TRY_DONE(pm_verdict_unfit(f->verdict, "predictions of the %s part are %s", where, what));
     }
@@ -1060,9 +1064,10 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
             &v, unexplained > PM_VERDICT_GOOD ? exp(own - other) : 0, PM_VERDICT_LOSES, INFINITY,
             "the structure loses: a black box has %.3g times less error", exp(own - other));
     }
-    snprintf(text, sizeof text,
-             "On the %s part predictions miss at most %.3g %% of a column's deviation in the median.",
-             where, 100 * worst);
+    snprintf(
+        text, sizeof text,
+        "On the %s part predictions miss at most %.3g %% of a column's deviation in the median.",
+        where, 100 * worst);
     pm_verdict_print(&v, text, f->verdict);
 done:
     pm_estimate_free(&e);

@@ -74,11 +74,11 @@ typedef struct scratch {
 //     sqrt(balance) sum e / sqrt(sum of e^2 + d^2),
 //     e = dE/dz (z' - z),   d = dE/dz scale sqrt(1/weight^2 - 1 + LEAST^2),
 // where the sums are over all variables, z' = z + dt zdot is the second state of the window, scale
-// the typical change of a variable and weight that of its sample. The square root has a lower bound.
-// For a co-energy dE/dz is the derivative by it, not by its energy variable.
-// Where the weights say that a rate is uncertain, d is large, so that its error does not dominate
-// the balance. The work space holds the gradients dE/dz at z, where the only stage of an Euler step
-// was evaluated.
+// the typical change of a variable and weight that of its sample. The square root has a lower
+// bound. For a co-energy dE/dz is the derivative by it, not by its energy variable. Where the
+// weights say that a rate is uncertain, d is large, so that its error does not dominate the
+// balance. The work space holds the gradients dE/dz at z, where the only stage of an Euler step was
+// evaluated.
 static pm_status append_balance(pm_graph *g, const pm_system *system, const pm_samples *samples,
                                 const pm_loss *loss, const scratch *s, pm_loss_nodes *nodes) {
     const int nz = samples->nz, count = system->scene->physics.nsubsystem;

@@ -90,8 +90,8 @@ typedef struct pm_damped_equations {
 
 // Prepares the equations for the loss of `objective`, which must outlive them, on any
 // samples; pm_damped_equations_accelerate takes `most` of them. With `matrix` they are solved by a
-// Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are weights whose step is zero, borrowed; NULL: none. The caller
-// closes them, after a failure too. PM_ENOMEM.
+// Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are weights whose step
+// is zero, borrowed; NULL: none. The caller closes them, after a failure too. PM_ENOMEM.
 pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int most,
                                    bool matrix, const bool *frozen);
 void pm_damped_equations_close(pm_damped_equations *e);
@@ -115,8 +115,9 @@ bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, doub
                                int most, double *step);
 
 // Adds its acceleration to a step that pm_damped_equations_solve has found with a factor; without a
-// matrix, and if the equations were opened for 0 samples, it changes nothing. `theta` as above. Returns false if the acceleration is so large that
-// the step goes beyond what two derivatives describe.
+// matrix, and if the equations were opened for 0 samples, it changes nothing. `theta` as above.
+// Returns false if the acceleration is so large that the step goes beyond what two derivatives
+// describe.
 bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta, double *step);
 
 #endif

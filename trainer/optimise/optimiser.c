@@ -187,8 +187,8 @@ static const pm_damping damping_of_weights = {
 // saturated or an exponential has vanished, from where no gradient leads back.
 #define LONGEST 1.0
 // A guarded run settles when this number of iterations has not lowered the loss by this factor.
-// Where it is thorough, its batch then grows by GROWTH, up to all samples: what few of them can teach
-// is learned from few.
+// Where it is thorough, its batch then grows by GROWTH, up to all samples: what few of them can
+// teach is learned from few.
 #define PATIENCE 10
 #define PROGRESS 0.98
 #define GROWTH 4
@@ -411,8 +411,8 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
                 o->schedule.early != PM_AT_ONCE && entry[i].entry->late >= o->schedule.early;
         }
     }
-    PM_TRY(pm_damped_equations_open(&s->equations, o->objective,
-                                    o->schedule.thorough ? most : 0, matrix, s->frozen));
+    PM_TRY(pm_damped_equations_open(&s->equations, o->objective, o->schedule.thorough ? most : 0,
+                                    matrix, s->frozen));
     return PM_OK;
 }
 

@@ -143,7 +143,7 @@ def even_times(times):
         grids = [time[0] + step * numpy.arange(len(time)) for time in times]
         if all((numpy.abs(time - grid) <= EVEN * step).all() for time, grid in zip(times, grids)):
             return grids, step
-    return times, float(numpy.median(numpy.concatenate([numpy.diff(time) for time in times])))
+    return times, float(f"{numpy.median(numpy.concatenate([numpy.diff(time) for time in times])):.9g}")
 
 
 def join(words):
