@@ -13,7 +13,7 @@
 // middle.
 #define NORMAL_MEDIAN 1.4826022185056018
 #define NORMAL_MEAN 1.2533141373155001
-#define OUTLYING 0.01 // of the misses of a trajectory, that may be outliers
+#define OUTLYING 0.01 // of the misses of a trajectory, beside those that stand alone
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
 // Records have another noise than those of the fit if its logarithm differs by so many standard
@@ -390,14 +390,20 @@ static int misses_of(const pm_estimate *e, const pm_observation *o, const pm_dat
     return later;
 }
 
-// Returns the root of what is left of the mean square miss of one trajectory, without its largest
-// part and without that of noise, over its standard deviation.
+// Returns the root of what is left of the mean square miss of one trajectory without that of noise,
+// over its standard deviation. With `part` it leaves out outliers: a miss is no larger than the
+// larger one of those beside it, and this part of the largest ones does not count.
 static double left_of(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                       const int *which, double seconds, int id, int column, double part,
                       double noise, double *miss) {
-    double variance = 0, sum = 0;
+    double variance = 0, sum = 0, before = 0;
     const int later = misses_of(e, o, dataset, which, seconds, id, column, miss, &variance);
     const int kept = later - (int)(part * later);
+    for (int k = 0; k < later && part > 0; ++k) { // what a model misses lasts
+        const double now = miss[k], next = k + 1 < later ? miss[k + 1] : 0;
+        miss[k] = fmin(now, fmax(before, next));
+        before = now;
+    }
     if (part > 0) {
         pm_sort((size_t)later, miss);
     }

@@ -56,8 +56,8 @@ double pm_estimate_error(const pm_estimate *e, const pm_observation *o, const pm
 pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                           const int *which, double seconds, int column);
 // Returns what noise of this standard deviation leaves unexplained of these errors, in the median
-// over all trajectories. The largest hundredth of a trajectory's misses does not count: they may be
-// outliers of the measurements. NAN: as above, or memory ran out.
+// over all trajectories. Outliers of the measurements hardly count: they stand alone. NAN: as
+// above, or memory ran out.
 double pm_estimate_unexplained(const pm_estimate *e, const pm_observation *o,
                                const pm_dataset *dataset, const int *which, double seconds,
                                int column, double noise);

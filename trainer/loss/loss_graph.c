@@ -166,17 +166,12 @@ pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_sam
     return status;
 }
 
-pm_status pm_loss_graph_rows(pm_graph *g, const pm_loss_context *context, pm_node *input,
-                             pm_node *rows) {
-    pm_loss_nodes nodes;
-    PM_TRY(pm_loss_graph_build(g, context->system, context->samples, context->loss, &nodes));
-    *input = nodes.input;
-    *rows = pm_scale(g, nodes.residual, 1 / sqrt(pm_graph_shape(g, nodes.residual).cols));
-    if (nodes.degeneracy != PM_NO_NODE) {
-        const double root = sqrt(context->loss->degeneracy);
-        *rows = pm_concat_or(g, *rows, pm_scale(g, nodes.degeneracy, root));
-    }
-    return PM_OK;
+pm_node pm_loss_graph_rows(pm_graph *g, const pm_loss *loss, const pm_loss_nodes *nodes) {
+    const int count = pm_graph_shape(g, nodes->residual).cols;
+    const pm_node rows = pm_scale(g, nodes->residual, 1 / sqrt(count));
+    return nodes->degeneracy == PM_NO_NODE
+               ? rows
+               : pm_concat_or(g, rows, pm_scale(g, nodes->degeneracy, sqrt(loss->degeneracy)));
 }
 
 pm_status pm_loss_chunk(const pm_graph *g, int count, const pm_node *output, int *chunk) {

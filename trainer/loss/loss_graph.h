@@ -45,18 +45,10 @@ int pm_loss_input_order(const pm_loss *loss);
 pm_status pm_loss_graph_build(pm_graph *g, const pm_system *system, const pm_samples *samples,
                               const pm_loss *loss, pm_loss_nodes *nodes);
 
-// The arguments with which a loss was prepared. All pointers are borrowed.
-typedef struct pm_loss_context {
-    pm_system *system;
-    const pm_samples *samples;
-    const pm_loss *loss;
-} pm_loss_context;
-
-// Does the same, and gives the rows [1][...] whose squares sum to the loss of a window without its
-// robust function: the scaled residuals and, in the soft form, every component of L dS and M dE,
-// times the root of the weight of the penalty.
-pm_status pm_loss_graph_rows(pm_graph *g, const pm_loss_context *context, pm_node *input,
-                             pm_node *rows);
+// Returns the rows [1][...] whose squares sum to the loss of a window without its robust function:
+// the scaled residuals and, in the soft form, every component of L dS and M dE, times the root of
+// the weight of the penalty.
+pm_node pm_loss_graph_rows(pm_graph *g, const pm_loss *loss, const pm_loss_nodes *nodes);
 
 // The most windows per run of a program, and the most bytes that its values may take, so that they
 // stay in the cache.

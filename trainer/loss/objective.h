@@ -43,7 +43,12 @@ pm_status pm_objective_rescale(pm_objective *o, int count, const int *index);
 double pm_objective_robust_square(const pm_objective *o);
 void pm_objective_set_robust_square(pm_objective *o, double square);
 
-// Returns the arguments with which the objective was opened, borrowed from it.
+// The arguments with which an objective was opened. All pointers are borrowed from it.
+typedef struct pm_loss_context {
+    pm_system *system;
+    const pm_samples *samples;
+    const pm_loss *loss;
+} pm_loss_context;
 pm_loss_context pm_objective_context(const pm_objective *o);
 // Returns the weight of a sample in the Gauss-Newton matrix: rho'(x) as last evaluated, times the
 // importance of the sample.

@@ -10,12 +10,12 @@
 // The part of the step by which residuals are evaluated ahead and behind.
 #define PART 0.1
 
-typedef struct lane {
+typedef struct bending_lane {
     pm_bending *bending;
     int id;
     pm_program *forward, *reverse;
     double *pull; // [size] sum over the samples of this lane
-} lane;
+} bending_lane;
 
 struct pm_bending {
     pm_arena arena; // owns the arrays
@@ -32,11 +32,15 @@ struct pm_bending {
     const int *index;
     double factor;
     pm_lanes lanes;
-    lane lane[PM_TEAM_LANES]; // those of this process
+    bending_lane lane[PM_TEAM_LANES]; // those of this process
 };
 
 static pm_status build(pm_bending *b, pm_graph *g, pm_arena *scratch) {
-    PM_TRY(pm_loss_graph_rows(g, &b->context, &b->input, &b->residual));
+    pm_loss_nodes nodes;
+    const pm_loss_context *c = &b->context;
+    PM_TRY(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
+    b->input = nodes.input;
+    b->residual = pm_loss_graph_rows(g, c->loss, &nodes);
     b->nresidual = pm_graph_shape(g, b->residual).cols;
     b->seed = pm_input(g, true, 1, b->nresidual);
     pm_node *leaf = pm_arena_array(scratch, (size_t)b->nentry + 1, sizeof *leaf);
@@ -55,7 +59,7 @@ static pm_status build(pm_bending *b, pm_graph *g, pm_arena *scratch) {
     }
     PM_TRY(pm_loss_chunk(g, count, output, &b->chunk));
     for (int i = 0; i < b->lanes.own; ++i) {
-        lane *l = &b->lane[i];
+        bending_lane *l = &b->lane[i];
         l->bending = b;
         l->id = b->lanes.first + i;
         if (b->context.loss->team == NULL || i == 0) {
@@ -113,7 +117,7 @@ void pm_bending_close(pm_bending *bending) {
 }
 
 static void *work(void *context) {
-    const lane *l = context;
+    const bending_lane *l = context;
     const pm_bending *b = l->bending;
     const bool reverse = b->factor == 0;
     const size_t width = (size_t)pm_samples_width(b->context.samples), n = (size_t)b->nresidual;

@@ -356,7 +356,11 @@ static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_a
             n->trained[n->nentry++] = entry;
         }
     }
-    PM_TRY(pm_loss_graph_rows(g, &n->context, &n->input, &n->residual));
+    pm_loss_nodes nodes;
+    const pm_loss_context *c = &n->context;
+    PM_TRY(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
+    n->input = nodes.input;
+    n->residual = pm_loss_graph_rows(g, c->loss, &nodes);
     for (int i = 0; i < n->nentry; ++i) {
         const pm_param_entry *entry = n->trained[i].entry;
         leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
@@ -400,10 +404,12 @@ void pm_gauss_newton_close(pm_gauss_newton *form) {
 
 // --- damped equations ---
 
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int most,
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int accelerated,
                                    bool matrix, const bool *frozen) {
-    *e = (pm_damped_equations){
-        .size = pm_objective_size(objective), .objective = objective, .frozen = frozen};
+    *e = (pm_damped_equations){.size = pm_objective_size(objective),
+                               .objective = objective,
+                               .frozen = frozen,
+                               .accelerates = true};
     const size_t n = (size_t)e->size;
     const pm_system *system = pm_objective_context(objective).system;
     const int count = pm_trained_list(system, NULL);
@@ -436,8 +442,8 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
         e->active[e->nactive] = i;
         e->nactive += frozen == NULL || !frozen[i];
     }
-    if (matrix && most > 0) {
-        PM_TRY(pm_bending_open(&e->bending, objective, most));
+    if (matrix && accelerated > 0) {
+        PM_TRY(pm_bending_open(&e->bending, objective, accelerated));
     }
     return pm_gauss_newton_open(&e->form, objective, matrix, frozen);
 }
@@ -584,7 +590,11 @@ static double square(const pm_damped_equations *e, const double *vector) {
     return sum;
 }
 
-static bool solve_by_factor(pm_damped_equations *e, double damping, double *step) {
+// Solves by the factor of the matrix. If the equations accelerate, adds to the step its
+// acceleration, and returns false if that is so large that the step goes beyond what two
+// derivatives describe.
+static bool solve_by_factor(pm_damped_equations *e, const double *theta, double damping,
+                            double *step) {
     const size_t size = (size_t)e->size, n = (size_t)e->nactive;
     for (size_t i = 0; i < n; ++i) {
         const size_t own = (size_t)e->active[i];
@@ -596,22 +606,8 @@ static bool solve_by_factor(pm_damped_equations *e, double damping, double *step
     take_active(e, -1, e->gradient, e->image);
     const bool solved = n == 0 || pm_cholesky_solve((int)n, e->damped, e->image);
     put_active(e, e->image, step);
-    return solved;
-}
-
-bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
-                               int most, double *step) {
-    if (e->hessian != NULL) {
-        return solve_by_factor(e, damping, step);
-    }
-    pm_objective_set_weights(e->objective, theta);
-    assert(most <= PM_MOST_CONJUGATE_GRADIENTS);
-    return solve_by_products(e, damping, most, step);
-}
-
-bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta, double *step) {
-    if (e->bending == NULL || e->nactive == 0) {
-        return true;
+    if (n == 0 || !solved || e->bending == NULL || !e->accelerates) {
+        return solved;
     }
     pm_bending_pull(e->bending, e->count, e->index, theta, step, e->bent);
     take_active(e, -0.5, e->bent, e->image);
@@ -624,4 +620,14 @@ bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta,
         step[i] += e->bent[i];
     }
     return true;
+}
+
+bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
+                               int most, double *step) {
+    if (e->hessian != NULL) {
+        return solve_by_factor(e, theta, damping, step);
+    }
+    pm_objective_set_weights(e->objective, theta);
+    assert(most <= PM_MOST_CONJUGATE_GRADIENTS);
+    return solve_by_products(e, damping, most, step);
 }

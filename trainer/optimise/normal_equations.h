@@ -71,7 +71,8 @@ typedef struct pm_damped_equations {
     int size;
     pm_objective *objective; // borrowed
     pm_gauss_newton *form;
-    pm_bending *bending;         // NULL: steps are not accelerated
+    pm_bending *bending;         // NULL: steps cannot be accelerated
+    bool accelerates;            // steps are accelerated; true at first, the caller may change it
     double *gradient, *diagonal; // [size]
     double *held;                // [size] 1 for weights that are held, else 0
     double hold;                 // what is added to the diagonal for weights that are held
@@ -88,11 +89,12 @@ typedef struct pm_damped_equations {
     const int *index;     // [count], borrowed
 } pm_damped_equations;
 
-// Prepares the equations for the loss of `objective`, which must outlive them, on any
-// samples; pm_damped_equations_accelerate takes `most` of them. With `matrix` they are solved by a
-// Cholesky factorisation, otherwise by conjugate gradients. `frozen` [size] are weights whose step
-// is zero, borrowed; NULL: none. The caller closes them, after a failure too. PM_ENOMEM.
-pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int most,
+// Prepares the equations for the loss of `objective`, which must outlive them, with
+// `matrix` for a Cholesky factorisation, otherwise for conjugate gradients. A factor accelerates
+// steps (optimise/bending.h) on `accelerated` samples at most; 0: it does not. `frozen` [size] are
+// weights whose step is zero, borrowed; NULL: none. The caller closes them, after a failure too.
+// PM_ENOMEM.
+pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int accelerated,
                                    bool matrix, const bool *frozen);
 void pm_damped_equations_close(pm_damped_equations *e);
 
@@ -110,14 +112,9 @@ double pm_damped_equations_penalty(const pm_damped_equations *e, const double *t
 // Replaces step [size], the initial guess of conjugate gradients, by the solution. Without a matrix
 // the function takes at most `most` iterations, up to PM_MOST_CONJUGATE_GRADIENTS. The weights of
 // the objective may have changed since the linearisation; `theta` [size] are those of the
-// linearisation. Returns false if the equations cannot be solved with this damping.
+// linearisation. Returns false if the equations cannot be solved with this damping, or if an
+// accelerated step would bend too much.
 bool pm_damped_equations_solve(pm_damped_equations *e, const double *theta, double damping,
                                int most, double *step);
-
-// Adds its acceleration to a step that pm_damped_equations_solve has found with a factor; without a
-// matrix, and if the equations were opened for 0 samples, it changes nothing. `theta` as above.
-// Returns false if the acceleration is so large that the step goes beyond what two derivatives
-// describe.
-bool pm_damped_equations_accelerate(pm_damped_equations *e, const double *theta, double *step);
 
 #endif

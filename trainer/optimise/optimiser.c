@@ -187,8 +187,8 @@ static const pm_damping damping_of_weights = {
 // saturated or an exponential has vanished, from where no gradient leads back.
 #define LONGEST 1.0
 // A guarded run settles when this number of iterations has not lowered the loss by this factor.
-// Where it is thorough, its batch then grows by GROWTH, up to all samples: what few of them can
-// teach is learned from few.
+// Where it is thorough, its steps are then accelerated, and its batch grows by GROWTH until it has
+// settled on all samples. Far from a minimum the acceleration misleads.
 #define PATIENCE 10
 #define PROGRESS 0.98
 #define GROWTH 4
@@ -283,10 +283,8 @@ static bool solve(void *context, double damping) {
     solver *s = context;
     const int most = FIRST_EFFORT + s->o->done * MORE_EFFORT;
     return pm_damped_equations_solve(
-               &s->equations, s->o->theta, damping,
-               most < PM_MOST_CONJUGATE_GRADIENTS ? most : PM_MOST_CONJUGATE_GRADIENTS, s->step) &&
-           (!s->o->schedule.thorough ||
-            pm_damped_equations_accelerate(&s->equations, s->o->theta, s->step));
+        &s->equations, s->o->theta, damping,
+        most < PM_MOST_CONJUGATE_GRADIENTS ? most : PM_MOST_CONJUGATE_GRADIENTS, s->step);
 }
 
 // Linearises the loss of a fresh batch.
@@ -351,6 +349,7 @@ static void set_batch(solver *s) {
     const bool grows = o->schedule.thorough && s->size > GROWN;
     const double batch = o->schedule.batch * pow(GROWTH, grows ? o->moment[GROWN] : 0);
     s->batch = batch < count ? (int)batch : count;
+    s->equations.accelerates = grows && o->moment[GROWN] > 0;
     s->checked = !o->schedule.guarded         ? s->batch
                  : s->batch < count / CHECKED ? CHECKED * s->batch
                                               : count;
@@ -371,7 +370,8 @@ static pm_status finish(void *context, double before, double loss, bool moved) {
     }
     ++o->done;
     s->settled = is_settled(s, loss);
-    if (s->settled && o->schedule.thorough && s->batch < pm_objective_samples(o->objective)) {
+    const bool all = s->batch == pm_objective_samples(o->objective);
+    if (s->settled && o->schedule.thorough && (!all || o->moment[GROWN] == 0)) {
         ++o->moment[GROWN];
         o->moment[SETTLED] = 0;
         s->settled = false;
@@ -413,6 +413,7 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     }
     PM_TRY(pm_damped_equations_open(&s->equations, o->objective, o->schedule.thorough ? most : 0,
                                     matrix, s->frozen));
+    set_batch(s); // the equations know now whether they accelerate
     return PM_OK;
 }
 

@@ -16,6 +16,7 @@
 #define CLEAN 1e-4         // of the deviation: less noise than that does not count
 #define ROUGH 0.01         // of the deviation: an input with larger fourth differences is held
 #define EVEN 2e-3          // of a step: times that are off by less are even
+#define FEWEST_JUMPS 8     // of an input, from which it shows what it drives
 #define STAIRCASE 0.3      // of all steps: a column that stays as it is so often is held
 #define JUMP 0.2           // of the deviation: a staircase without hints jumps so far
 #define REGRESSED 400      // windows of a trajectory, at most
@@ -195,6 +196,33 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
     return rest;
 }
 
+// Returns the part of the changes in slope of variable c, where the held input u jumps, that these
+// jumps explain: what an input drives answers at once, what that moves in turn does not. *gain is
+// the change per unit. 0: there are too few jumps.
+static double answer(const pm_logger_samples *w, int c, int u, double *gain) {
+    const pm_dataset *d = w->view->dataset;
+    double product = 0, jumps = 0, changes = 0;
+    int count = 0;
+    for (int i = 0; i < d->ntrajectory && w->view->column[u].held; ++i) {
+        for (int k = 1; k + 1 < d->ntime; ++k) {
+            const double *before = pm_logger_row(w, i, k - 1), *now = pm_logger_row(w, i, k),
+                         *after = pm_logger_row(w, i, k + 1);
+            const double jump = now[u] - before[u], t = pm_logger_time(w, i, k);
+            const double change = (after[c] - now[c]) / (pm_logger_time(w, i, k + 1) - t) -
+                                  (now[c] - before[c]) / (t - pm_logger_time(w, i, k - 1));
+            if (isfinite(jump) && isfinite(change) && jump != 0) {
+                product += jump * change;
+                jumps += jump * jump;
+                changes += change * change;
+                ++count;
+            }
+        }
+    }
+    const bool enough = count >= FEWEST_JUMPS && changes > 0;
+    *gain = enough ? product / jumps : 0;
+    return enough ? product * product / (jumps * changes) : 0;
+}
+
 // Regresses all variables on all columns.
 void pm_logger_regress_all(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
@@ -218,6 +246,9 @@ void pm_logger_regress_all(pm_logger_samples *w) {
             used[j] = true;
         }
         view->column[i].decay = -view->coupling[i][i];
+        for (int u = view->nvariable; u < view->ncolumn; ++u) {
+            view->answer[i][u] = answer(w, i, u, &view->at_once[i][u]);
+        }
     }
     // Nothing but the current moves the charge of a cell, or what relaxes in it.
     for (int i = 0; i < view->nvariable; ++i) {

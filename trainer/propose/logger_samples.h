@@ -73,7 +73,8 @@ int pm_logger_window(const pm_logger_samples *w, int target);
 // part of the squares of the changes.
 double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient);
 
-// Regresses all variables on all columns, and fills the view's couplings, shares and fastest rate.
+// Regresses all variables on all columns, and fills the view's couplings, shares, answers at
+// jumps and fastest rate.
 void pm_logger_regress_all(pm_logger_samples *w);
 
 #endif

@@ -23,6 +23,7 @@
 #define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
 #define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
 #define CLEAR 8.0       // times its noise: a column changes clearly
+#define ANSWERED 0.5    // of changes in slope where an input jumps: it drives this co-energy
 #define SHARE 8         // part of a trajectory beyond which nothing is sought
 #define JUMPS 0.2       // of the changes: a column jumps with an input that explains so much
 #define FEWEST_AT_TOP 5 // steps in which a sensor that saturates stays at its largest value
@@ -179,6 +180,10 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
                        PM_LOGGER_FLOW);
         view->column[column->mate].mate = y;
         view->column[column->mate].behind = -1;
+        return;
+    }
+    if (guess == PM_LOGGER_MOVED && view->ncolumn > view->nvariable) {
+        add_force(w, y);
         return;
     }
     const char *unit = column->unit;
@@ -599,18 +604,30 @@ static bool is_learned(pm_logger_effect effect) {
 }
 
 // Returns the co-energy on which an input of known power acts with the factor 1: of those whose
-// unit allows it and that answer with the input's sign, the one whose changes it explains best; -1:
-// none.
+// unit allows it and that answer with the input's sign, the one that clearly answers at once where
+// the input jumps, or else the one whose changes it explains best; -1: none.
 static int driven_by(const pm_logger_view *view, int u) {
-    int best = -1;
+    int best = -1, sharpest = -1;
     for (int c = 0; c < view->nvariable; ++c) {
         if (is_coenergy(&view->column[c]) && view->column[c].relaxes == 0 &&
             effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES &&
-            view->coupling[c][u] > 0 && (best < 0 || view->share[c][u] > view->share[best][u])) {
-            best = c;
+            view->coupling[c][u] > 0) {
+            best = best < 0 || view->share[c][u] > view->share[best][u] ? c : best;
+            sharpest = view->answer[c][u] > ANSWERED &&
+                               (sharpest < 0 || view->answer[c][u] > view->answer[sharpest][u])
+                           ? c
+                           : sharpest;
         }
     }
-    return best;
+    return sharpest >= 0 ? sharpest : best;
+}
+
+// Returns true if variable c cannot answer input u by itself: if it did as the regression says, its
+// slope would jump with the input, and it does not.
+static bool is_indirect(const pm_logger_view *view, int c, int u) {
+    const double gain = view->at_once[c][u], shown = view->answer[c][u];
+    const double expected = gain != 0 ? shown * pow(view->coupling[c][u] / gain, 2) : 0;
+    return expected > ANSWERED && shown < ANSWERED * ANSWERED * ANSWERED;
 }
 
 // Finds the variables on which each input acts: those that its unit allows, if there are any, and
@@ -642,6 +659,7 @@ static void find_actions(pm_logger_view *view) {
                 }
                 const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
                 const bool candidate = (!by_unit || !is_learned(effect)) &&
+                                       (c == driven || !is_indirect(view, c, u)) &&
                                        (effect != PM_LOGGER_THROUGH || driven < 0);
                 const double share = view->share[c][u];
                 // A valve between two chambers moves the pressures of both.
@@ -736,14 +754,14 @@ static bool moves_part(const pm_logger_view *view, int part, int v) {
 }
 
 // Returns how variable j changes i if it does so beside all others, 0 otherwise.
-static double answer(const pm_logger_view *view, int i, int j) {
+static double response(const pm_logger_view *view, int i, int j) {
     return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
 }
 
 // Returns how temperature t moves flow i. One that the flow changes clearly may move it faintly,
 // since both go through the same entry of L.
 static double push(const pm_logger_view *view, int i, int t) {
-    return answer(view, t, i) != 0 && view->share[i][t] > FAINT ? view->coupling[i][t] : 0;
+    return response(view, t, i) != 0 && view->share[i][t] > FAINT ? view->coupling[i][t] : 0;
 }
 
 // Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
@@ -779,12 +797,12 @@ static void find_exchange(pm_logger_view *view) {
                 const int other = view->column[b].part != one ? view->column[b].part : own;
                 if (view->column[a].kind == PM_LOGGER_TEMPERATURE &&
                     view->column[b].kind == PM_LOGGER_TEMPERATURE && to > 0 && from < 0 &&
-                    fabs(to + from) < ALIKE * (to - from) && answer(view, a, i) < 0 &&
-                    answer(view, b, i) > 0 && pm_logger_carries(view, &c, one, other) &&
+                    fabs(to + from) < ALIKE * (to - from) && response(view, a, i) < 0 &&
+                    response(view, b, i) > 0 && pm_logger_carries(view, &c, one, other) &&
                     pm_logger_meets(view, one, other) &&
                     !(moves_part(view, one, i) && moves_part(view, other, i)) &&
                     view->ncarrier < PM_LOGGER_CARRIERS) {
-                    join_scales(view, i, a, to, answer(view, a, i));
+                    join_scales(view, i, a, to, response(view, a, i));
                     pm_logger_carrier *carrier = &view->carrier[view->ncarrier++];
                     *carrier = c;
                     carrier->entropy = to * view->column[i].inertia;
@@ -806,13 +824,26 @@ static void find_exchange(pm_logger_view *view) {
                 T->part != view->column[q].part || T->source == NULL) {
                 continue;
             }
-            const double cools = answer(view, t, i), pushes = answer(view, i, t);
+            const double cools = response(view, t, i), pushes = response(view, i, t);
             const bool shown = cools * pushes < 0;
             view->expands[q][t] = shown || T->guess == PM_LOGGER_EXPANDED;
             if (shown) {
                 join_scales(view, i, t, pushes, cools);
             }
         }
+    }
+}
+
+// Nothing shows the scale of a hidden force: takes the one in which the force and the co-energy
+// that it moves go through one entry of L.
+static void scale_force(pm_logger_samples *w, int c) {
+    pm_logger_view *view = w->view;
+    const int y = view->column[c].behind;
+    const double to = view->coupling[y][c] * view->column[y].inertia;
+    const double back = view->coupling[c][y] * view->column[c].inertia;
+    if (view->column[c].free_scale && view->column[c].kind == PM_LOGGER_FLOW && to * back < 0) {
+        mix(w, c, 0, sqrt(-back / to));
+        pm_logger_regress_all(w);
     }
 }
 
@@ -847,6 +878,11 @@ static void find_scales(pm_logger_samples *w) {
             // Heat enters an entropy, whose derivative is the capacity over the temperature.
             c->inertia = 1 / response;
             known[action->target] = true;
+        }
+    }
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (view->column[c].behind >= 0 && known[view->column[c].behind]) {
+            scale_force(w, c);
         }
     }
     for (int rounds = 0; rounds < view->nvariable; ++rounds) {
@@ -924,16 +960,9 @@ static void find_scales(pm_logger_samples *w) {
         }
         known[to] = true;
     }
-    // Nothing shows the scale of a hidden force: the one in which the force and the velocity that
-    // it moves go through one entry of L.
     for (int c = 0; c < view->nvariable; ++c) {
-        const int y = view->column[c].behind;
-        const bool moves = view->column[c].free_scale && y >= 0 && view->column[y].mate >= 0;
-        const double to = moves ? view->coupling[y][c] * view->column[y].inertia : 0;
-        const double back = moves ? view->coupling[c][y] * view->column[c].inertia : 0;
-        if (to * back < 0) {
-            mix(w, c, 0, sqrt(-back / to));
-            pm_logger_regress_all(w);
+        if (view->column[c].behind >= 0 && view->column[view->column[c].behind].mate >= 0) {
+            scale_force(w, c);
         }
     }
     // The power of a cell's resistance is known: at the mean it balances the heat that leaves.
