@@ -18,7 +18,7 @@ import sys
 
 # The limits. Whoever gets lower lowers them.
 STATICS_ONCE = 0.25  # of all functions
-FOR_ONE_SIBLING = 250  # public functions
+FOR_ONE_SIBLING = 247  # public functions
 UNUSED = 4  # public functions
 UNNAMED_NUMBERS = 0  # in trainer/propose
 

@@ -24,6 +24,8 @@
 // 2010, section 4.4).
 #define FEWEST_ITERATIONS 10
 #define PROGRESS 5e-3
+// The part of a step by which residuals are evaluated ahead and behind.
+#define PART 0.1
 // A step is too long where twice its acceleration is more than this part of it (Transtrum, Sethna).
 #define MOST_BENT 0.75
 // The width of a step of a weight that is held, which is the logarithm of a constant.
@@ -35,14 +37,24 @@ typedef struct lane {
     // Of a matrix: the residuals and their derivatives. Of products: `program` for the gradient and
     // the squares that estimate the diagonal, and `multiply` for products.
     pm_program *program, *multiply;
-    double *jacobian;     // [MATRIX_CHUNK * nresidual][size], of a matrix
-    double *gradient;     // [size] sum over the samples of this lane, also of a product
-    double *second;       // [size][size] the matrix, or [size] the squares
-    const double *vector; // [size] factor of the present product; NULL: no product
+    pm_program *forward, *reverse; // of the bend
+    double *jacobian;              // [MATRIX_CHUNK * nresidual][size], of a matrix
+    double *gradient;              // [size] sum over the samples of this lane, also of a product
+    double *second;                // [size][size] the matrix, or [size] the squares
+    const double *vector;          // [size] factor of the present product; NULL: no product
     int count, chunk;
     const int *index;
     uint64_t seed;
 } lane;
+
+// How residuals bend: r'' along a step, and J^T W r''.
+typedef struct bend {
+    pm_node input, residual, seed; // seed [1][nresidual]: the factor of the reverse pass
+    pm_node *pull;                 // [nentry], PM_NO_NODE where there is no dependence
+    double *second;                // [samples][nresidual]; NULL: it was not opened
+    double *trial;                 // [size] weights
+    double factor; // with which residuals are added to `second`; 0: the reverse pass
+} bend;
 
 struct pm_gauss_newton {
     pm_arena arena; // owns the arrays
@@ -58,6 +70,7 @@ struct pm_gauss_newton {
     pm_node root, sign;                    // [1][1], [1][nresidual], of products, likewise below
     pm_node *gradient, *estimate, *result; // [nentry]
     double *vector;                        // [size] read by the programs
+    bend bend;
     pm_lanes lanes;
     lane lane[PM_TEAM_LANES]; // those of this process
 };
@@ -326,6 +339,13 @@ void pm_gauss_newton_apply(pm_gauss_newton *form, int count, const int *index, c
 
 // --- both ---
 
+static void add_leaves(const pm_gauss_newton *n, pm_graph *g, pm_node *leaf) {
+    for (int i = 0; i < n->nentry; ++i) {
+        const pm_param_entry *entry = n->trained[i].entry;
+        leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
+    }
+}
+
 static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_arena *scratch) {
     if (n->matrix) {
         pm_graph_weights_per_item(g);
@@ -361,10 +381,7 @@ static pm_status build(pm_gauss_newton *n, const bool *frozen, pm_graph *g, pm_a
     PM_TRY(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
     n->input = nodes.input;
     n->residual = pm_loss_graph_rows(g, c->loss, &nodes);
-    for (int i = 0; i < n->nentry; ++i) {
-        const pm_param_entry *entry = n->trained[i].entry;
-        leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
-    }
+    add_leaves(n, g, leaf);
     n->nresidual = pm_graph_shape(g, n->residual).cols;
     return n->matrix ? build_matrix(n, g, leaf, scratch) : build_product(n, g, leaf, scratch);
 }
@@ -392,11 +409,120 @@ done:
     return status;
 }
 
+// --- how residuals bend ---
+
+// Prepares the bend of a matrix on `most` samples at most.
+static pm_status open_bend(pm_gauss_newton *n, int most) {
+    bend *b = &n->bend;
+    const pm_loss_context *c = &n->context;
+    pm_loss_nodes nodes;
+    pm_graph *g = NULL;
+    pm_arena scratch = {0};
+    int count = 0;
+    pm_status status;
+    pm_node *leaf = pm_arena_array(&scratch, (size_t)n->nentry + 1, sizeof *leaf);
+    pm_node *output = pm_arena_array(&scratch, (size_t)n->nentry + 1, sizeof *output);
+    b->pull = pm_arena_array(&n->arena, (size_t)n->nentry + 1, sizeof *b->pull);
+    b->trial = pm_arena_array(&n->arena, (size_t)n->size + 1, sizeof *b->trial);
+    b->second = pm_arena_array(&n->arena, (size_t)most * (size_t)n->nresidual, sizeof *b->second);
+    PM_TRY_DONE(pm_arena_status(&n->arena, "the bend of a loss"));
+    PM_TRY_DONE(pm_arena_status(&scratch, "the bend of a loss"));
+    PM_TRY_DONE(pm_graph_open(&g));
+    PM_TRY_DONE(pm_loss_graph_build(g, c->system, c->samples, c->loss, &nodes));
+    b->input = nodes.input;
+    b->residual = pm_loss_graph_rows(g, c->loss, &nodes);
+    b->seed = pm_input(g, true, 1, n->nresidual);
+    add_leaves(n, g, leaf);
+    pm_gradient(g, b->residual, b->seed, n->nentry, leaf, b->pull);
+    count = list_outputs(n->nentry, b->pull, output, 0);
+    PM_TRY_DONE(pm_loss_chunk(g, count, output, &n->chunk));
+    for (int i = 0; i < n->lanes.own; ++i) {
+        lane *l = &n->lane[i];
+        if (n->context.loss->team == NULL || i == 0) {
+            PM_TRY_DONE(pm_program_open(&l->forward, g, 1, &b->residual, n->chunk));
+            PM_TRY_DONE(pm_program_open(&l->reverse, g, count, output, n->chunk));
+        } else { // the lanes of a member of a team take turns
+            l->forward = n->lane[0].forward;
+            l->reverse = n->lane[0].reverse;
+        }
+    }
+done:
+    pm_graph_close(g);
+    pm_arena_free(&scratch);
+    return status;
+}
+
+static void *work_on_bend(void *context) {
+    lane *l = context;
+    const pm_gauss_newton *n = l->form;
+    const bend *b = &n->bend;
+    const bool reverse = b->factor == 0;
+    const pm_samples *samples = n->context.samples;
+    const size_t width = (size_t)pm_samples_width(samples), rows = (size_t)n->nresidual;
+    pm_program *program = reverse ? l->reverse : l->forward;
+    double *window = pm_program_value(program, b->input);
+    double *seed = reverse ? pm_program_value(program, b->seed) : NULL;
+    memset(l->gradient, 0, (size_t)n->size * sizeof *l->gradient);
+    for (int first = l->id * n->chunk; first < l->count; first += n->lanes.count * n->chunk) {
+        const int batch = l->count - first < n->chunk ? l->count - first : n->chunk;
+        double *second = b->second + (size_t)first * rows;
+        for (int s = 0; s < batch; ++s) {
+            const int sample = l->index[first + s];
+            pm_samples_window(samples, sample, window + (size_t)s * width);
+            const double weight = reverse ? pm_objective_sample_weight(n->objective, sample) : 0;
+            for (size_t k = (size_t)s * rows; reverse && k < ((size_t)s + 1) * rows; ++k) {
+                seed[k] = weight * second[k];
+            }
+        }
+        pm_program_run(program, batch);
+        const double *value = reverse ? NULL : pm_program_value(program, b->residual);
+        for (size_t k = 0; !reverse && k < (size_t)batch * rows; ++k) {
+            second[k] += b->factor * value[k];
+        }
+        if (reverse) {
+            add(n, program, b->pull, false, l->gradient);
+        }
+    }
+    return NULL;
+}
+
+static void run_bend(pm_gauss_newton *n, double factor) {
+    n->bend.factor = factor;
+    pm_team_run(n->context.loss->team, work_on_bend, n->lane, sizeof *n->lane);
+}
+
+// Computes pull [active] = J^T W r'' / count at the weights theta [size] along step [size], where
+// r'' is a difference of three evaluations. It leaves `theta` in the objective, whose last
+// evaluation covers these samples.
+static void pull_back(pm_gauss_newton *n, int count, const int *index, const double *theta,
+                      const double *step, double *pull) {
+    const size_t cells = (size_t)count * (size_t)n->nresidual;
+    for (int i = 0; i < n->lanes.own; ++i) {
+        n->lane[i].count = count;
+        n->lane[i].index = index;
+    }
+    memset(n->bend.second, 0, cells * sizeof *n->bend.second);
+    for (int side = -1; side <= 1; side += 2) {
+        for (int i = 0; i < n->size; ++i) {
+            n->bend.trial[i] = theta[i] + side * PART * step[i];
+        }
+        pm_objective_set_weights(n->objective, n->bend.trial);
+        run_bend(n, 1 / (PART * PART));
+    }
+    pm_objective_set_weights(n->objective, theta);
+    run_bend(n, -2 / (PART * PART));
+    pm_objective_evaluate(n->objective, count, index, NULL);
+    run_bend(n, 0);
+    take_mean(n, false, (size_t)n->active, count, pull);
+}
+
 void pm_gauss_newton_close(pm_gauss_newton *form) {
     if (form != NULL) {
         for (int i = 0; i < (form->context.loss->team == NULL ? form->lanes.own : 1); ++i) {
             pm_program_close(form->lane[i].program);
             pm_program_close(form->lane[i].multiply);
+            pm_program_close(form->lane[i].forward);
+            pm_program_close(form->lane[i].reverse);
         }
         PM_DELETE(form);
     }
@@ -442,14 +568,11 @@ pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objecti
         e->active[e->nactive] = i;
         e->nactive += frozen == NULL || !frozen[i];
     }
-    if (matrix && accelerated > 0) {
-        PM_TRY(pm_bending_open(&e->bending, objective, accelerated));
-    }
-    return pm_gauss_newton_open(&e->form, objective, matrix, frozen);
+    PM_TRY(pm_gauss_newton_open(&e->form, objective, matrix, frozen));
+    return matrix && accelerated > 0 ? open_bend(e->form, accelerated) : PM_OK;
 }
 
 void pm_damped_equations_close(pm_damped_equations *e) {
-    pm_bending_close(e->bending);
     pm_gauss_newton_close(e->form);
     pm_arena_free(&e->arena);
 }
@@ -567,13 +690,7 @@ static bool solve_by_products(pm_damped_equations *e, double damping, int most, 
     return true;
 }
 
-// Copies the rows of weights that move from [size] to [nactive], and back.
-static void take_active(const pm_damped_equations *e, double sign, const double *all, double *own) {
-    for (int i = 0; i < e->nactive; ++i) {
-        own[i] = sign * all[e->active[i]];
-    }
-}
-
+// Copies the rows of weights that move from [nactive] to [size].
 static void put_active(const pm_damped_equations *e, const double *own, double *all) {
     memset(all, 0, (size_t)e->size * sizeof *all);
     for (int i = 0; i < e->nactive; ++i) {
@@ -602,15 +719,17 @@ static bool solve_by_factor(pm_damped_equations *e, const double *theta, double 
             e->damped[i * n + k] = e->hessian[own * size + (size_t)e->active[k]];
         }
         e->damped[i * n + i] += damping * e->diagonal[own] + ridge(e, own);
+        e->image[i] = -e->gradient[own];
     }
-    take_active(e, -1, e->gradient, e->image);
     const bool solved = n == 0 || pm_cholesky_solve((int)n, e->damped, e->image);
     put_active(e, e->image, step);
-    if (n == 0 || !solved || e->bending == NULL || !e->accelerates) {
+    if (n == 0 || !solved || e->form->bend.second == NULL || !e->accelerates) {
         return solved;
     }
-    pm_bending_pull(e->bending, e->count, e->index, theta, step, e->bent);
-    take_active(e, -0.5, e->bent, e->image);
+    pull_back(e->form, e->count, e->index, theta, step, e->image);
+    for (int i = 0; i < e->nactive; ++i) {
+        e->image[i] *= -0.5;
+    }
     pm_cholesky_back(e->nactive, e->damped, 1, e->image);
     put_active(e, e->image, e->bent);
     if (!(4 * square(e, e->bent) <= MOST_BENT * MOST_BENT * square(e, step))) {

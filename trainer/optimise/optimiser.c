@@ -187,8 +187,8 @@ static const pm_damping damping_of_weights = {
 // saturated or an exponential has vanished, from where no gradient leads back.
 #define LONGEST 1.0
 // A guarded run settles when this number of iterations has not lowered the loss by this factor.
-// Where it is thorough, its steps are then accelerated, and its batch grows by GROWTH until it has
-// settled on all samples. Far from a minimum the acceleration misleads.
+// A thorough run then accelerates its steps, and its batch grows by GROWTH until it has settled on
+// all samples. Far from a minimum the acceleration misleads.
 #define PATIENCE 10
 #define PROGRESS 0.98
 #define GROWTH 4

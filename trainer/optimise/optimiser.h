@@ -17,8 +17,8 @@ typedef struct pm_schedule {
     // gauss_newton: a step must lower the loss of further samples, too, and the run ends before its
     // last iteration if the loss does not fall any more
     bool guarded;
-    // gauss_newton: steps are accelerated (optimise/bending.h), and a guarded run ends only when it
-    // has settled on all samples. What this finds in the end costs more at first.
+    // gauss_newton: steps are accelerated in the end (normal_equations.h), and a guarded run ends
+    // only when it has settled on all samples. What this finds in the end costs more at first.
     bool thorough;
     // gauss_newton: weights as late as this or later stay as they are; PM_AT_ONCE: none
     pm_lateness early;
