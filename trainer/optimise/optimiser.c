@@ -317,6 +317,7 @@ static pm_status linearise(void *context, double *loss) {
     pm_damped_equations_linearise(&s->equations, s->nchosen, s->chosen,
                                   s->o->seed + (uint64_t)s->o->done, before, o->theta);
     s->equations.near = o->schedule.guarded ? NEARNESS * before : 0;
+    s->equations.accelerates = o->schedule.thorough && s->size > GROWN && o->moment[GROWN] > 0;
     // Guesses the step from the one before, where it is known.
     const bool known = o->schedule.guarded && s->size > 1 && o->moment[1] > 0;
     for (int i = 0; i < s->size; ++i) {
@@ -349,7 +350,6 @@ static void set_batch(solver *s) {
     const bool grows = o->schedule.thorough && s->size > GROWN;
     const double batch = o->schedule.batch * pow(GROWTH, grows ? o->moment[GROWN] : 0);
     s->batch = batch < count ? (int)batch : count;
-    s->equations.accelerates = grows && o->moment[GROWN] > 0;
     s->checked = !o->schedule.guarded         ? s->batch
                  : s->batch < count / CHECKED ? CHECKED * s->batch
                                               : count;
@@ -413,7 +413,6 @@ static pm_status open_solver(solver *s, pm_optimisation *o, bool matrix) {
     }
     PM_TRY(pm_damped_equations_open(&s->equations, o->objective, o->schedule.thorough ? most : 0,
                                     matrix, s->frozen));
-    set_batch(s); // the equations know now whether they accelerate
     return PM_OK;
 }
 

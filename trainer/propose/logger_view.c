@@ -186,19 +186,7 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
         add_force(w, y);
         return;
     }
-    const char *unit = column->unit;
-    if (guess == PM_LOGGER_MOVED) {
-        const pm_unit watt = pm_unit_parse("W");
-        unit = "1";
-        for (int u = view->nvariable; u < view->ncolumn; ++u) {
-            const pm_unit other = pm_unit_quotient(&watt, &view->column[u].dimension);
-            const char *symbol = pm_unit_symbol(&other);
-            if (view->column[u].dimension.known && symbol != NULL &&
-                !pm_unit_equal(&other, &column->dimension)) {
-                unit = symbol;
-            }
-        }
-    }
+    const char *unit = guess == PM_LOGGER_MOVED ? "1" : column->unit;
     const bool fed = guess == PM_LOGGER_FED || guess == PM_LOGGER_SPILLED;
     column->kind = fed                        ? PM_LOGGER_LEVEL
                    : guess == PM_LOGGER_MOVED ? PM_LOGGER_FLOW
@@ -623,11 +611,10 @@ static int driven_by(const pm_logger_view *view, int u) {
 }
 
 // Returns true if variable c cannot answer input u by itself: if it did as the regression says, its
-// slope would jump with the input, and it does not.
+// slope would clearly jump with the input, and it jumps by less than half of that.
 static bool is_indirect(const pm_logger_view *view, int c, int u) {
-    const double gain = view->at_once[c][u], shown = view->answer[c][u];
-    const double expected = gain != 0 ? shown * pow(view->coupling[c][u] / gain, 2) : 0;
-    return expected > ANSWERED && shown < ANSWERED * ANSWERED * ANSWERED;
+    const double times = fabs(view->coupling[c][u] / view->at_once[c][u]);
+    return isfinite(times) && times > 1 / ANSWERED && view->answer[c][u] * times * times > ANSWERED;
 }
 
 // Finds the variables on which each input acts: those that its unit allows, if there are any, and
