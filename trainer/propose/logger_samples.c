@@ -197,9 +197,9 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
 }
 
 // Returns the part of the changes in slope of variable c, where the held input u jumps, that these
-// jumps explain: what an input drives answers at once, what that moves in turn does not. *gain is
-// the change per unit. 0: there are too few jumps.
-static double answer(const pm_logger_samples *w, int c, int u, double *gain) {
+// jumps explain: what an input drives answers at once, what that moves in turn does not. 0: there
+// are too few jumps.
+static double answer(const pm_logger_samples *w, int c, int u) {
     const pm_dataset *d = w->view->dataset;
     double product = 0, jumps = 0, changes = 0;
     int count = 0;
@@ -218,9 +218,7 @@ static double answer(const pm_logger_samples *w, int c, int u, double *gain) {
             }
         }
     }
-    const bool enough = count >= FEWEST_JUMPS && changes > 0;
-    *gain = enough ? product / jumps : 0;
-    return enough ? product * product / (jumps * changes) : 0;
+    return count >= FEWEST_JUMPS && changes > 0 ? product * product / (jumps * changes) : 0;
 }
 
 // Regresses all variables on all columns.
@@ -247,7 +245,7 @@ void pm_logger_regress_all(pm_logger_samples *w) {
         }
         view->column[i].decay = -view->coupling[i][i];
         for (int u = view->nvariable; u < view->ncolumn; ++u) {
-            view->answer[i][u] = answer(w, i, u, &view->at_once[i][u]);
+            view->answer[i][u] = answer(w, i, u);
         }
     }
     // Nothing but the current moves the charge of a cell, or what relaxes in it.

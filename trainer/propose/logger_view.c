@@ -610,13 +610,6 @@ static int driven_by(const pm_logger_view *view, int u) {
     return sharpest >= 0 ? sharpest : best;
 }
 
-// Returns true if variable c cannot answer input u by itself: if it did as the regression says, its
-// slope would clearly jump with the input, and it jumps by less than half of that.
-static bool is_indirect(const pm_logger_view *view, int c, int u) {
-    const double times = fabs(view->coupling[c][u] / view->at_once[c][u]);
-    return isfinite(times) && times > 1 / ANSWERED && view->answer[c][u] * times * times > ANSWERED;
-}
-
 // Finds the variables on which each input acts: those that its unit allows, if there are any, and
 // whose changes it explains. An input drives one variable; others that it moves it may move through
 // an inertia that they share, so that its factor for them is learned.
@@ -646,7 +639,6 @@ static void find_actions(pm_logger_view *view) {
                 }
                 const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
                 const bool candidate = (!by_unit || !is_learned(effect)) &&
-                                       (c == driven || !is_indirect(view, c, u)) &&
                                        (effect != PM_LOGGER_THROUGH || driven < 0);
                 const double share = view->share[c][u];
                 // A valve between two chambers moves the pressures of both.

@@ -182,10 +182,8 @@ typedef struct pm_logger_view {
     // variable i; share[i][j], 0 to 1: the part of the changes of i that only column j explains.
     double coupling[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     double share[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
-    // [i][u] how much of i's changes in slope where input u jumps these jumps explain (0 to 1), and
-    // by which change per unit.
+    // [i][u] how much of i's changes in slope where input u jumps these jumps explain (0 to 1).
     double answer[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
-    double at_once[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j] fluid falls from level i into level j: i moves j, and j does not move i.
     bool falls[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool even, complete; // times are evenly spaced; no sample is missing, all runs are equally long
