@@ -812,6 +812,42 @@ static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, e
     }
 }
 
+// A cell heats the temperature of its part that the square of its current explains best. The power
+// of its resistance is known, so that this gives the scale of all capacities, where nothing has
+// given it.
+static void find_cell_heat(const pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    for (int a = 0; a < v->naction; ++a) {
+        const int u = v->action[a].input;
+        const pm_logger_column *cell = &v->column[v->action[a].target];
+        double best = -INFINITY, rise = 0;
+        for (int t = 0; t < v->nvariable && cell->seen != NULL; ++t) {
+            term_list square = {0};
+            double x[MOST] = {0};
+            if (v->column[t].kind == PM_LOGGER_TEMPERATURE && v->column[t].part == cell->part &&
+                v->column[t].source != NULL) {
+                add_term(&square, u, SQUARE, t, ONE);
+                const double gain = gain_of(w, t, &square, 0, work, x);
+                if (gain > best) {
+                    best = gain;
+                    rise = x[work->n - 1];
+                    v->thermometer[cell->part] = t;
+                }
+            }
+        }
+        if (rise > 0 && pm_logger_heat_is_free(v)) {
+            const double most = fmax(fabs(v->column[u].least), fabs(v->column[u].largest));
+            const double capacity = fabs(cell->resistance) * most * most / rise;
+            pm_logger_scale_heat(v, capacity / v->column[v->thermometer[cell->part]].inertia);
+        }
+        for (int k = 0; k < v->nvariable && isfinite(best); ++k) {
+            const pm_logger_column *pair = &v->column[k];
+            v->warms[k][v->thermometer[cell->part]] |=
+                pair->relaxes > 0 && pair->part == cell->part;
+        }
+    }
+}
+
 // Couplings of temperatures are those without inputs: what grows with the square of an input, or
 // with its product with the temperature, would else be taken for other surroundings.
 static void correct_leaks(const pm_logger_samples *w, equations *work) {
@@ -963,6 +999,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         action->valve =
             y->mate < 0 && gain_of(w, action->target, &valve, known, work, NULL) > GAINS;
     }
+    find_cell_heat(w, work);
     correct_leaks(w, work);
     // One valve may move two chambers.
     for (int a = 0; a < v->naction; ++a) {

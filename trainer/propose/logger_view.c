@@ -944,35 +944,6 @@ static void find_scales(pm_logger_samples *w) {
             scale_force(w, c);
         }
     }
-    // The power of a cell's resistance is known: at the mean it balances the heat that leaves.
-    for (int a = 0; a < view->naction; ++a) {
-        const pm_logger_action *action = &view->action[a];
-        const pm_logger_column *u = &view->column[action->input];
-        for (int c = 0; c < view->nvariable && action->effect == PM_LOGGER_FILLS; ++c) {
-            const pm_logger_column *cell = &view->column[action->target];
-            pm_logger_column *T = &view->column[c];
-            if (cell->seen == NULL || T->kind != PM_LOGGER_TEMPERATURE || T->source == NULL ||
-                T->part != cell->part) {
-                continue;
-            }
-            const double decay = fmax(T->decay, SLOW / (view->dataset->dt * view->dataset->ntime));
-            double outside = T->constant / decay;
-            for (int b = 0; b < view->naction; ++b) {
-                const pm_logger_action *bath = &view->action[b];
-                outside = bath->target == c && bath->effect == PM_LOGGER_BATH
-                              ? view->column[bath->input].mean
-                              : outside;
-            }
-            const double power =
-                fabs(cell->resistance) * (u->mean * u->mean + u->deviation * u->deviation);
-            T->inertia = power / (fmax(T->mean - outside, SLOW * T->deviation) * decay);
-            T->free_scale = false;
-            for (int k = 0; k < view->nvariable; ++k) {
-                view->warms[k][c] = view->warms[k][c] || (view->column[k].relaxes > 0 &&
-                                                          view->column[k].part == cell->part);
-            }
-        }
-    }
     int kept = 0;
     for (int a = 0; a < view->naction; ++a) {
         pm_logger_action *action = &view->action[a];
