@@ -20,6 +20,7 @@
 // errors, and not by less than this.
 #define OTHER 2.0
 #define LEAST_NOISE 1e-3 // of that of the fit
+#define NARROWEST 0.1    // of the deviation that a scene gives to a start: no prior is narrower
 
 static pm_sensitivity_how how_of(pm_system *system, const pm_observation *o,
                                  const pm_tracks *tracks, bool fixed) {
@@ -64,6 +65,16 @@ static pm_status find_noise(const pm_estimate *e, const pm_shooting *s, const pm
     }
     free(size);
     return PM_OK;
+}
+
+// The prior of a hidden component of the start is what the scene says, or narrower, as the starts
+// of the trajectories of the fit spread.
+static void set_priors(pm_shooting *s, const pm_observation *o, const pm_uncertainty *u) {
+    for (int c = 0; c < s->nz && s->terms.prior != NULL; ++c) {
+        const double given = o->hidden[c] ? o->deviation[c] : 0;
+        const double spread = u == NULL ? given : fmax(u->spread[c], NARROWEST * given);
+        s->terms.prior[c] = fmin(given, spread);
+    }
 }
 
 // Evaluates the normal equations of the starts and the weights at the estimate, with each track as
@@ -122,9 +133,7 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
     pm_shooting shooting = {0};
     const pm_sensitivity_how how = how_of(system, o, tracks, false);
     pm_status status = pm_shooting_open(&shooting, &how, tracks);
-    for (int c = 0; c < e->nz && status == PM_OK; ++c) {
-        shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
-    }
+    set_priors(&shooting, o, u);
     if (status == PM_OK) {
         status = differentiate(e, &shooting, start);
     }
@@ -150,9 +159,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     const pm_sensitivity_how own = how_of(system, &known, &tracks, true);
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &own, &tracks));
-    for (int c = 0; c < shooting.nz; ++c) {
-        shooting.terms.prior[c] = o->hidden[c] ? o->deviation[c] : 0;
-    }
+    set_priors(&shooting, o, how->uncertainty);
     const pm_continuation continuation = {
         .given = given, .typical = o->deviation, .stop = how->stop, .brief = true};
     PM_TRY_DONE(pm_continuation_run(&shooting, &continuation, NULL));

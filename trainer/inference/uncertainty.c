@@ -190,7 +190,11 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
         }
         mean /= count;
         u->start[c] = mean;
-        u->spread[c] = sqrt(fmax(square / count - mean * mean, 0));
+        // Of a new trajectory, whose mean is not known from this few, and whose start noise hides.
+        u->spread[c] =
+            count > 1 ? sqrt(fmax(square / count - mean * mean, 0) * (count + 1) / (count - 1) +
+                             variance / count)
+                      : INFINITY;
         u->unknown[c] = s->terms.prior[c] > 0 ? sqrt(variance / count) / s->terms.prior[c] : 0;
     }
     const double ratio = disagreement(s, u->covariance, gradient);

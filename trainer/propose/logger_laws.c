@@ -9,9 +9,8 @@
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define DRY 0.02  // of the deviation of a velocity: dry friction is smooth below it
-#define POWERS_OF_CHARGE 3 // of the voltage of a cell
-#define SPRING 1e-3 // of the changes of a velocity that another position explains, by a spring
-#define WARMS 1e-3  // 1/K: with which the resistance of a cell falls with heat
+#define POWERS_OF_CHARGE 3    // of the voltage of a cell
+#define WARMS 1e-3            // 1/K: with which the resistance of a cell falls with heat
 #define KNEES_OF_CHARGE 8     // steps in it, evenly spaced
 #define MIDDLE 0.5            // of the distance between two of them
 #define WIDTH 25              // a temperature counts as varying by at least 1/25 of it
@@ -470,10 +469,18 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
 // Returns true if two positions may have a spring between them: lengths, and angles that do not
 // turn against each other.
 static bool has_spring(const pm_logger_view *v, int i, int j) {
-    const pm_logger_column *a = &v->column[i], *b = &v->column[j];
-    const double shown = fmax(v->share[a->mate][j], v->share[b->mate][i]);
-    return shown > SPRING && a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension) &&
-           (!a->angle || v->apart[i][j] < PM_LOGGER_TURN);
+    return v->lever[i][j] != 0 &&
+           (v->lever[i][j] != 1 || !v->column[i].angle || v->apart[i][j] < PM_LOGGER_TURN);
+}
+
+// Returns the lever of a spring between two positions, q < r, as a formula names it.
+static const char *lever_of(pm_logger_writer *w, char text[PM_LOGGER_TEXT], int q, int r) {
+    const double lever = w->v->lever[q][r];
+    char both[PM_LOGGER_TEXT];
+    snprintf(both, sizeof both, "%.40s_%.40s", w->v->column[q].name, w->v->column[r].name);
+    pm_logger_shared(w, "lever", both, lever);
+    snprintf(text, PM_LOGGER_TEXT, "%slever_%.90s", lever < 0 ? "-" : "", both);
+    return text;
 }
 
 // Writes the energies of lengths that store energy together: functions of a distance to a learned
@@ -600,7 +607,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
         for (int j = 0; j < w->v->nvariable; ++j) { // what springs to other positions have of it
             stiffness -=
                 j != c && pm_logger_is(w->v, j, part, PM_LOGGER_POSITION) && has_spring(w->v, c, j)
-                    ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j] / q->ratio
+                    ? w->v->column[q->mate].inertia * w->v->coupling[q->mate][j] *
+                          w->v->lever[c][j] / q->ratio
                     : 0;
         }
         fputs("      - \"", w->model);
@@ -647,8 +655,9 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             }
             char both[PM_LOGGER_TEXT];
             snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
-            const double size = energy_of(&w->v->column[a->mate]);
-            if (a->angle && b->angle && (a->waves || b->waves)) {
+            const double size = energy_of(&w->v->column[a->mate]), lever = w->v->lever[i][j];
+            const bool geared = lever != 0 && lever != 1;
+            if (!geared && a->angle && b->angle && (a->waves || b->waves)) {
                 static const char *const kinds[] = {"cosp", "sinp", "cosm", "sinm"};
                 for (int k = 0; k < 4; ++k) {
                     fprintf(w->model, "%s%s*%.3s(%s %c %s)", k > 0 ? " + " : "      - \"",
@@ -656,14 +665,14 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                             k < 2 ? '+' : '-', b->name);
                 }
                 fputs("\"\n", w->model);
-            } else if (a->angle != b->angle) {
+            } else if (!geared && a->angle != b->angle) {
                 const pm_logger_column *x = a->angle ? b : a, *q = a->angle ? a : b;
                 fprintf(w->model, "      - \"%s/%.6g*(%s*cos(%s)", x->name,
                         fmax(fabs(x->least), fabs(x->largest)),
                         pm_logger_number(w, "cosx", both, 0, size), q->name);
                 fprintf(w->model, " + %s*sin(%s))\"\n", pm_logger_number(w, "sinx", both, 0, size),
                         q->name);
-            } else if (!pm_unit_equal(&a->dimension, &b->dimension)) {
+            } else if (!geared && !pm_unit_equal(&a->dimension, &b->dimension)) {
                 fprintf(w->model, "      - \"%s*(%s/%.6g)*(%s/%.6g)\"\n",
                         pm_logger_number(w, "both", both, 0, size), a->name,
                         fmax(fabs(a->least), fabs(a->largest)), b->name,
@@ -672,18 +681,24 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             if (has_spring(w->v, i, j)) {
                 const double d = w->v->apart[i][j];
                 const double spring = w->v->column[a->mate].inertia * w->v->coupling[a->mate][j] /
-                                      a->ratio * d * d / 2;
+                                      (a->ratio * lever) * d * d / 2;
+                char distance[PM_LOGGER_LONG_TEXT], factor[PM_LOGGER_TEXT];
+                snprintf(distance, sizeof distance, "%s - %s", a->name, b->name);
+                if (geared) {
+                    snprintf(distance, sizeof distance, "%s*(%s - %.6g) - (%s - %.6g)",
+                             lever_of(w, factor, i, j), a->name, a->mean, b->name, b->mean);
+                }
                 static const char *const kinds[] = {"b2", "b3", "b4"};
                 for (int k = 0; k < 3; ++k) {
-                    fprintf(w->model, "%s%s*((%s - %s)/%.6g)^%d", k > 0 ? " + " : "      - \"",
-                            pm_logger_number(w, kinds[k], both, k == 0 ? spring : 0, size), a->name,
-                            b->name, d, k + 2);
+                    fprintf(w->model, "%s%s*((%s)/%.6g)^%d", k > 0 ? " + " : "      - \"",
+                            pm_logger_number(w, kinds[k], both, k == 0 ? spring : 0, size),
+                            distance, d, k + 2);
                 }
                 const char *bend = pm_logger_number(w, "bend", both, 0, size);
                 const char *place = bounded_place(w, "place", both, 0, -d, d);
                 pm_logger_constant(w, "width", both, MIDDLE * d);
-                fprintf(w->model, " + %s*sqrt((%s - %s - %s)^2 + width_%s^2)/%.6g\"\n", bend,
-                        a->name, b->name, place, both, d);
+                fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
+                        place, both, d);
             }
         }
     }
@@ -1061,20 +1076,38 @@ void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one,
     const pm_logger_view *v = w->v;
     const pm_logger_column *y = &v->column[i], *other = &v->column[j];
     const int t = pm_logger_heated(v, i, j);
-    const double start =
-        fmax(y->inertia * fabs(v->coupling[i][j]), SMALL * SMALL * y->inertia * v->fastest);
-    char both[PM_LOGGER_TEXT], x[PM_LOGGER_TEXT], heat[PM_LOGGER_TEXT] = "";
+    const double lever = pm_logger_is_geared(v, i, j) ? fabs(v->lever[y->mate][other->mate]) : 1;
+    const double start = fmax(y->inertia * fabs(v->coupling[i][j]) / lever,
+                              SMALL * SMALL * y->inertia * v->fastest / (lever * lever));
+    char both[PM_LOGGER_TEXT], x[PM_LOGGER_LONG_TEXT], heat[PM_LOGGER_TEXT] = "*b.dE.s";
+    char first[PM_LOGGER_LONG_TEXT] = "1", second[PM_LOGGER_TEXT] = "-1";
+    const bool geared = pm_logger_is_geared(v, i, j);
     snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
     snprintf(x, sizeof x, "%s%.40s - %s%.40s", one, y->name, two, other->name);
-    if (t < 0) {
-        fprintf(w->model, "[%s%s, %s%s, \"", one, y->name, two, other->name);
-    } else {
-        const char *of = v->column[t].part == y->part ? one : two;
-        fprintf(w->model, "[{\"%s%s\": 1, \"%s%s\": -1}, %s%s, \"", one, y->name, two, other->name,
-                of, v->column[t].name);
-        snprintf(heat, sizeof heat, "*%sdE.%.80s", of, v->column[t].name);
+    if (geared) {
+        char factor[PM_LOGGER_TEXT];
+        const double fast = v->column[y->mate].ratio, slow = v->column[other->mate].ratio;
+        snprintf(first, sizeof first, "%.6g*%s", fast, lever_of(w, factor, y->mate, other->mate));
+        snprintf(second, sizeof second, "%.6g", -slow);
+        snprintf(x, sizeof x, "%s*%s%.40s - %.6g*%s%.40s", first, one, y->name, slow, two,
+                 other->name);
     }
-    pm_logger_write_resistance(w, both, x, y, other, start, NULL);
+    if (t < 0 && !geared) {
+        fprintf(w->model, "[%s%s, %s%s, \"", one, y->name, two, other->name);
+        *heat = '\0';
+    } else {
+        fprintf(w->model, "[{\"%s%s\": \"%s\", \"%s%s\": %s}, ", one, y->name, first, two,
+                other->name, second);
+        if (t >= 0) {
+            const char *of = v->column[t].part == y->part ? one : two;
+            fprintf(w->model, "%s%s", of, v->column[t].name);
+            snprintf(heat, sizeof heat, "*%sdE.%.80s", of, v->column[t].name);
+        } else {
+            fputs("b.s", w->model);
+        }
+        fputs(", \"", w->model);
+    }
+    pm_logger_write_resistance(w, both, x, geared ? other : y, geared ? y : other, start, NULL);
     fprintf(w->model, "%s\"]", heat);
 }
 

@@ -11,22 +11,24 @@
 #define RIDGE 1e-9  // of the diagonal of the normal equations
 #define GAINS 2e-3  // of the changes: terms that explain less on trajectories kept back are none
 #define PART 0.2 // of what other terms leave: a series of harmonics goes on if it explains so much
-#define LONG_WINDOWS 4  // of a trajectory
-#define MOSTLY 0.5      // of what other terms leave in long windows: a loss heats a temperature
-#define LARGE_PART 0.25 // likewise: inertias depend on positions if that explains so much
-#define SMALL_ANGLE 1.2 // rad
-#define ORBITS 0.15     // of the largest distance: an orbit comes no nearer to its centre
-#define INERTIAL 0.5    // of what products leave: an inertia depends on a position
-#define CLEARLY 0.9     // of what other terms leave: these leave clearly less
-#define GUIDED 0.01     // of the changes of a position: guides leave no more, beside noise
-#define ROUND 0.05      // a factor that differs by less from 1, where units allow it, is 1
-#define NEEDED 1.1      // times the rest: a guide is needed if it becomes larger without it
-#define NEGLIGIBLE 1e-5 // of the changes: what explains less is not needed
-#define AT_REST 0.03    // of the largest value: below it a sign is smooth
-#define FAINT 3e-5      // of the changes: a dependence on itself that explains less is none
-#define SHOWN 5e-3      // likewise, of what other terms leave
-#define DAMPED 10       // times what chance would explain
-#define PUSHES 0.1      // of the root mean square rate: a constant rate that is smaller is none
+#define LONG_WINDOWS 4   // of a trajectory
+#define MOSTLY 0.5       // of what other terms leave in long windows: a loss heats a temperature
+#define LARGE_PART 0.25  // likewise: inertias depend on positions if that explains so much
+#define SMALL_ANGLE 1.2  // rad
+#define ORBITS 0.15      // of the largest distance: an orbit comes no nearer to its centre
+#define INERTIAL 0.5     // of what products leave: an inertia depends on a position
+#define CLEARLY 0.9      // of what other terms leave: these leave clearly less
+#define GUIDED 0.01      // of the changes of a position: guides leave no more, beside noise
+#define ROUND 0.05       // a factor that differs by less from 1, where units allow it, is 1
+#define NEEDED 1.1       // times the rest: a guide is needed if it becomes larger without it
+#define NEGLIGIBLE 1e-5  // of the changes: what explains less is not needed
+#define AT_REST 0.03     // of the largest value: below it a sign is smooth
+#define FAINT 3e-5       // of the changes: a dependence on itself that explains less is none
+#define SHOWN 5e-3       // likewise, of what other terms leave
+#define DAMPED 10        // times what chance would explain
+#define SPRING 1e-3      // of the changes of a velocity that another position explains, by a spring
+#define LEVERS_AGREE 0.1 // relative difference of two levers that are the same
+#define PUSHES 0.1       // of the root mean square rate: a constant rate that is smaller is none
 
 // A factor of a term.
 typedef enum atom_kind {
@@ -945,6 +947,28 @@ static void add_expansion(const pm_logger_view *v, term_list *list, int t) {
     }
 }
 
+// Finds the lever of a spring between two positions q and r of a part. Its force is proportional to
+// lever*q - r for both of their velocities, so that each of them shows the lever, if nothing else
+// holds the positions. Positions of one unit for which that is not so have the lever 1.
+static void find_lever(pm_logger_view *v, int q, int r) {
+    const pm_logger_column *a = &v->column[q], *b = &v->column[r];
+    if (a->kind != PM_LOGGER_POSITION || b->kind != PM_LOGGER_POSITION || a->part != b->part ||
+        a->guided || b->guided || fmax(v->share[a->mate][r], v->share[b->mate][q]) < SPRING) {
+        return;
+    }
+    const double one = -v->coupling[a->mate][q] / v->coupling[a->mate][r];
+    const double other = -v->coupling[b->mate][r] / v->coupling[b->mate][q];
+    const bool shown = fabs(one * other - 1) < LEVERS_AGREE;
+    const double lever = copysign(sqrt(fabs(one / other)), one);
+    const bool same = a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension);
+    if (shown && !(same && fabs(lever - 1) < LEVERS_AGREE)) {
+        v->lever[q][r] = lever;
+        v->lever[r][q] = 1 / lever;
+    } else if (same) {
+        v->lever[q][r] = v->lever[r][q] = 1;
+    }
+}
+
 pm_status pm_logger_find_terms(pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
@@ -952,9 +976,15 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     for (int c = 0; c < v->nvariable; ++c) {
         v->column[c].harmonics = FEWEST_HARMONICS;
         for (int j = 0; j < v->nvariable; ++j) {
+            if (j > c) {
+                find_lever(v, c, j);
+            }
+            const double lever = v->lever[c][j] == 0 ? 1 : v->lever[c][j];
+            const double away = // where a gear turns, no zero is told
+                lever == 1 ? 0 : lever * v->column[c].mean - v->column[j].mean;
             for (int k = 0; k < w->nrow; ++k) {
                 const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
-                v->apart[c][j] = fmax(v->apart[c][j], fabs(row[c] - row[j]));
+                v->apart[c][j] = fmax(v->apart[c][j], fabs(lever * row[c] - row[j] - away));
             }
         }
     }

@@ -865,7 +865,7 @@ static void find_scales(pm_logger_samples *w) {
         }
     }
     for (int rounds = 0; rounds < view->nvariable; ++rounds) {
-        int from = -1, to = -1, by = -1;
+        int from = -1, to = -1, by = -1, back = -1;
         bool guided = false;
         for (int i = 0; i < view->nvariable && !guided; ++i) {
             for (int j = 0; j < view->nvariable && !guided; ++j) {
@@ -889,12 +889,16 @@ static void find_scales(pm_logger_samples *w) {
                     thermal == (view->column[j].kind == PM_LOGGER_TEMPERATURE)) {
                     best = share, from = i, to = j, by = -1;
                 }
-                // A spring between two bodies pushes both.
+                // A spring between two bodies pushes both: j moves q, and i moves r, which is q
+                // where their distance is measured.
                 for (int q = 0; q < view->nvariable; ++q) {
-                    const double both = fmin(view->share[i][q], view->share[j][q]);
-                    if (known[i] && !known[j] && both > best && rate_of(view, q, i) != 0 &&
-                        rate_of(view, q, j) != 0) {
-                        best = both, from = i, to = j, by = q;
+                    for (int r = 0; r < view->nvariable; ++r) {
+                        const double both = fmin(view->share[i][q], view->share[j][r]);
+                        if (known[i] && !known[j] && both > best && rate_of(view, q, j) != 0 &&
+                            rate_of(view, r, i) != 0 &&
+                            (q == r || (rate_of(view, q, i) == 0 && rate_of(view, r, j) == 0))) {
+                            best = both, from = i, to = j, by = q, back = r;
+                        }
                     }
                 }
             }
@@ -904,14 +908,14 @@ static void find_scales(pm_logger_samples *w) {
             view->column[to].inertia = view->column[from].inertia * ratio * ratio;
         } else if (by >= 0) {
             view->column[to].inertia = view->column[from].inertia *
-                                       fabs(view->coupling[from][by] / view->coupling[to][by] *
-                                            rate_of(view, by, to) / rate_of(view, by, from));
+                                       fabs(view->coupling[from][by] / view->coupling[to][back] *
+                                            rate_of(view, by, to) / rate_of(view, back, from));
         } else if (from >= 0) {
-            const double back = view->coupling[to][from];
+            const double returns = view->coupling[to][from];
             const bool falls = view->falls[from][to];
             view->column[to].inertia =
                 view->column[from].inertia *
-                fabs((falls ? view->column[from].decay : view->coupling[from][to]) / back);
+                fabs((falls ? view->column[from].decay : view->coupling[from][to]) / returns);
         } else {
             // Nothing fixes the scale of what is left: that of the first becomes the unit.
             for (to = 0; to < view->nvariable && (known[to] || !is_coenergy(&view->column[to]));) {
@@ -1031,6 +1035,9 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
         return true;
     }
     const bool same = pm_unit_equal(&a->dimension, &b->dimension);
+    if (same_kind && pm_logger_is_geared(view, i, j)) {
+        return true;
+    }
     return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
            (same || a->mate < 0 || b->mate < 0) &&
            (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j]);

@@ -199,7 +199,11 @@ typedef struct pm_logger_view {
     // [q][v] how velocity v, beside its mate, changes position q, such as the length of a spring
     // between two bodies; 0: not at all.
     double moves[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
-    double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // the largest |i - j| of two positions
+    // [i][j] a spring between two positions of a part pulls lever*i - j, with a lever other than 1
+    // where a belt or a gear is between them; 0: there is none. [j][i] is the inverse.
+    double lever[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [i][j] the largest |lever*i - j| of two positions, with a lever of 1 where there is no spring
+    double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
     bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool orbits[PM_LOGGER_COLUMNS]; // [first of such lengths] they move around their centre
@@ -321,6 +325,15 @@ static inline const pm_logger_column *pm_logger_base(const pm_logger_view *view,
         base = view->column[c].id == column->base ? &view->column[c] : base;
     }
     return base;
+}
+
+// Returns true if a belt or a gear joins two velocities, since a spring with a lever joins their
+// positions.
+static inline bool pm_logger_is_geared(const pm_logger_view *view, int i, int j) {
+    const int q = view->column[i].mate, p = view->column[j].mate;
+    return q >= 0 && p >= 0 && view->column[i].kind == PM_LOGGER_FLOW &&
+           view->column[j].kind == PM_LOGGER_FLOW && view->lever[q][p] != 0 &&
+           view->lever[q][p] != 1;
 }
 
 // Returns true if a spring between two positions of two parts moves one of their velocities. A
