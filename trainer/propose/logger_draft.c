@@ -127,7 +127,7 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
       "a sum over positions, with springs of angles"}},
     {"inertia",
      3,
-     {"a network of positions where velocities or inputs show it", "constant",
+     {"sums over positions where velocities or inputs show it", "constant",
       "a network of positions"}},
     {"capacities",
      3,

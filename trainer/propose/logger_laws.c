@@ -339,6 +339,74 @@ static void write_expansion(pm_logger_writer *w, int q, const pm_logger_column *
     fputs(")\"\n", w->model);
 }
 
+// Writes number k of the functions of two positions, or of one, q == r, on which the inertia of a
+// chain of links and sliders may depend: waves of angles, of their sums and differences, and powers
+// of lengths. Returns false if there is none.
+static bool write_reach(const pm_logger_view *v, int q, int r, int k, char text[PM_LOGGER_TEXT]) {
+    const pm_logger_column *a = &v->column[q], *b = &v->column[r];
+    const char *const wave = k % 2 == 0 ? "cos" : "sin";
+    const double first = fmax(fabs(a->least), fabs(a->largest)),
+                 second = fmax(fabs(b->least), fabs(b->largest));
+    if (a->angle && b->angle && q != r) {
+        snprintf(text, PM_LOGGER_TEXT, "%s(%.40s %c %.40s)", wave, a->name, k < 2 ? '+' : '-',
+                 b->name);
+        return true;
+    }
+    if (a->angle && b->angle) {
+        snprintf(text, PM_LOGGER_TEXT, "%s(%.40s)", wave, a->name);
+        return k < 2;
+    }
+    if (a->angle != b->angle) {
+        snprintf(text, PM_LOGGER_TEXT, "%.40s/%.6g*%s(%.40s)", a->angle ? b->name : a->name,
+                 a->angle ? second : first, wave, a->angle ? a->name : b->name);
+        return k < 2;
+    }
+    snprintf(text, PM_LOGGER_TEXT, "%.40s*%.40s/%.6g", a->name, b->name, first * second);
+    if (q == r && k == 1) {
+        snprintf(text, PM_LOGGER_TEXT, "%.40s/%.6g", a->name, first);
+    }
+    return k < (q == r ? 2 : 1);
+}
+
+// Writes the energy of velocities that share an inertia: a sum over all pairs of them.
+static void write_shared_energy(pm_logger_writer *w, int part) {
+    const pm_logger_view *v = w->v;
+    for (int i = 0; i < v->nvariable; ++i) {
+        for (int j = i; j < v->nvariable; ++j) {
+            const pm_logger_column *y = &v->column[i], *other = &v->column[j];
+            const double size = sqrt(y->inertia * other->inertia);
+            char entry[PM_LOGGER_TEXT], name[PM_LOGGER_TEXT], reach[PM_LOGGER_TEXT];
+            if (y->part != part || other->part != part || !shares_inertia(w, i) ||
+                !shares_inertia(w, j)) {
+                continue;
+            }
+            snprintf(entry, sizeof entry, "%.40s_%.40s", y->name, other->name);
+            if (i != j) {
+                fprintf(w->model, "      - \"(%s", pm_logger_number(w, "mass", entry, 0, size));
+            } else if (y->free_scale) {
+                fputs("      - \"(1", w->model); // nothing fixes its scale
+            } else {
+                pm_logger_constant(w, "mass", entry, size);
+                fprintf(w->model, "      - \"(mass_%s", entry);
+            }
+            for (int q = 0; q < v->nvariable; ++q) {
+                for (int r = q; r < v->nvariable; ++r) {
+                    const bool own = pm_logger_is(v, q, part, PM_LOGGER_POSITION) &&
+                                     pm_logger_is(v, r, part, PM_LOGGER_POSITION);
+                    static const char *const kinds[] = {"w1", "w2", "w3", "w4"};
+                    for (int k = 0; own && k < 4 && write_reach(v, q, r, k, reach); ++k) {
+                        snprintf(name, sizeof name, "%.50s_%.30s%s%.30s", entry, v->column[q].name,
+                                 q == r ? "" : "_", q == r ? "" : v->column[r].name);
+                        fprintf(w->model, " + %s*%s", pm_logger_number(w, kinds[k], name, 0, size),
+                                reach);
+                    }
+                }
+            }
+            fprintf(w->model, ")*%s*%s%s\"\n", y->name, other->name, i == j ? "/2" : "");
+        }
+    }
+}
+
 // Writes C: the co-energy of velocities, temperatures and the like.
 void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
     const int capacity = w->chosen[PM_LOGGER_CAPACITY];
@@ -414,7 +482,9 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             }
         }
     }
-    if (shared) {
+    if (shared && w->chosen[PM_LOGGER_INERTIA] == SHOWN_INERTIA) {
+        write_shared_energy(w, part);
+    } else if (shared) {
         double first = 0;
         bool listed = false;
         fputs("      - {inertia: {of: [", w->model);
@@ -533,6 +603,22 @@ static void write_central(pm_logger_writer *w, int part) {
         fprintf(w->model, " + %s*exp(-attraction_%s*ln(%s))\"\n",
                 pm_logger_number(w, "pull", name, v->orbits[q] ? -size : 0, size), name, distance);
     }
+}
+
+// Writes what three angles store together, as the weight of the last link of a chain does.
+static void write_angle_sums(pm_logger_writer *w, const int *angle) {
+    const pm_logger_column *a = &w->v->column[angle[0]], *b = &w->v->column[angle[1]],
+                           *c = &w->v->column[angle[2]];
+    static const char *const kinds[] = {"cos1", "sin1", "cos2", "sin2",
+                                        "cos3", "sin3", "cos4", "sin4"};
+    char all[PM_LOGGER_TEXT];
+    snprintf(all, sizeof all, "%.30s_%.30s_%.30s", a->name, b->name, c->name);
+    for (int k = 0; k < 8; ++k) {
+        fprintf(w->model, "%s%s*%.3s(%s %c %s %c %s)", k > 0 ? " + " : "      - \"",
+                pm_logger_number(w, kinds[k], all, 0, energy_of(&w->v->column[a->mate])), kinds[k],
+                a->name, k < 4 ? '+' : '-', b->name, k % 4 < 2 ? '+' : '-', c->name);
+    }
+    fputs("\"\n", w->model);
 }
 
 // Writes V, the energy of positions.
@@ -699,6 +785,11 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                 pm_logger_constant(w, "width", both, MIDDLE * d);
                 fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
                         place, both, d);
+            }
+            for (int k = j + 1; k < w->v->nvariable && a->waves && b->waves; ++k) {
+                if (pm_logger_is(w->v, k, part, PM_LOGGER_POSITION) && w->v->column[k].waves) {
+                    write_angle_sums(w, (const int[]){i, j, k});
+                }
             }
         }
     }
