@@ -812,7 +812,7 @@ static pm_status run(pm_fit *f) {
     const pm_sensitivity_how how = {.system = f->training->system,
                                     .observation = &m->observation,
                                     .integrator = loss->integrator,
-                                    .substeps = loss->substeps,
+                                    .substeps = f->training->scene->physics.substeps,
                                     .stretched = tracks.stretched};
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &how, &tracks));
@@ -842,7 +842,7 @@ static pm_status run(pm_fit *f) {
     }
     pm_trained_scatter(f->training->system, f->theta);
     for (bool over = false; !over;) {
-        PM_TRY_DONE(try_starts(f, &shooting, &continuation, loss->substeps));
+        PM_TRY_DONE(try_starts(f, &shooting, &continuation, how.substeps));
         const int phase = f->position.finer;
         // A short fit is judged by its caller.
         over = f->arguments->effort != NULL || memchr(m->beside, 1, (size_t)f->size + 1) == NULL ||
