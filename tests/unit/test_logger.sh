@@ -205,6 +205,21 @@ if [ "$short" = whole ]; then
     [ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.5) }')" = 1 ] || fail "fit: expected an error of T below 0.5 %, found $error"
 fi
 
+# The same cell on a plate, which is the first of two thermometers: the cell is the one that the square of the current heats,
+# and the power of its resistances gives the scale of both capacities.
+for i in 1 2 3 4 5; do
+    awk -F, -v room=$((16 + 4*i)) 'NR == 1 { print $0 ",P [degC],T [degC],Troom [degC]"; T = room + 2; P = room + 1; next } {
+        printf "%s,%.4f,%.4f,%d\n", $0, P, T, room
+        for (j = 0; j < 20; j++) {
+            T += 0.5*(0.06*$3*$3 + 20*v*v - 0.4*(T - P))/40; P += 0.5*(0.4*(T - P) - 0.3*(P - room))/20; v += 0.5*(0.05*$3 - v)/60
+        }
+    }' "$folder/cell_$i.csv" >"$folder/plate_$i.csv"
+done
+succeed "Troom [K]: an input; is a bath of" propose --data "$folder"/plate_?.csv --budget 0 -o "$folder/plate"
+grep -q "\[V_pair1, T," "$folder/plate/training.yaml" || fail "propose: what relaxes heats the cell, not its plate"
+capacity=$(sed -n 's/.*capacity_T: {learned: \([0-9.e+]*\),.*/\1/p' "$folder/plate/training.yaml")
+[ "$(awk -v c="$capacity" 'BEGIN { print (c > 20 && c < 80) }')" = 1 ] || fail "propose: expected a capacity about 40 J/K, found $capacity"
+
 # Two tanks in two parts: what leaves the upper one falls into the lower one. Units are converted.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

@@ -95,6 +95,34 @@ write walls 6 "x1 [m],v1 [m/s],x2 [m],v2 [m/s]" \
 succeed "make both one part, or give the distance x1 - x2 as a further column" propose --budget 0 --data "$folder"/walls_?.csv \
     --part left=x1,v1 --part right=x2,v2 -o "$folder/walls"
 
+# A belt between a shaft and a sledge: a spring of shaft and sledge with a lever, and a friction of its own.
+write belt 6 "angle [rad],n [rad/s],x [m],v [m/s],M [N m]" \
+    "n = 4; driven = 1; y[1] = 4*rand() - 2; y[3] = 0.05*y[1]" \
+    "f = 900*(0.05*y[1] - y[3]) + 6*(0.05*y[2] - y[4]); a = (0.4*u - 0.003*y[2] - 0.05*f)/0.002; b = (f - 2*y[4])/0.7
+     p = y[1] + h/2*y[2]; q = y[2] + h/2*a; r = y[3] + h/2*y[4]; s = y[4] + h/2*b
+     f = 900*(0.05*p - r) + 6*(0.05*q - s); a = (0.4*u - 0.003*q - 0.05*f)/0.002; b = (f - 2*s)/0.7
+     y[1] += h*q; y[2] += h*a; y[3] += h*s; y[4] += h*b"
+succeed "M [N m]: an input; drives n" propose --budget 0 --data "$folder"/belt_?.csv --inputs M -o "$folder/belt"
+grep -qE "lever_angle_x: {learned: 0.0(49|50)" "$folder/belt/training.yaml" || fail "propose: expected a lever of 0.05 m"
+grep -q '{"a.n": "1\*lever_angle_x", "a.v": -1}' "$folder/belt/training.yaml" || fail "propose: expected the friction of the belt"
+sed -i 's/iterations: [0-9]*/iterations: 30/' "$folder/belt/training.yaml"
+succeed "Verdict: good" fit "$folder/belt/training.yaml" -o "$folder/belt/weights"
+
+# An arm of two links in the plane of gravity, with noise: its inertia depends on the elbow, and gravity on both angles.
+write arm 8 "q1 [rad],w1 [rad/s],q2 [rad],w2 [rad/s],M [N m]" \
+    "n = 4; driven = 1; for (j = 1; j <= 4; j++) y[j] = 2*rand() - 1" \
+    "c = 0.06*cos(y[3]); e = 0.06*sin(y[3]); m = 0.3 + 2*c; d = 0.05 + c; g = 1.5*sin(y[1] + y[3])
+     t = 4*u - 0.4*y[2] + e*(2*y[2]*y[4] + y[4]*y[4]) - 4*sin(y[1]) - g; o = -0.2*y[4] - e*y[2]*y[2] - g; z = m*0.1 - d*d
+     y[2] += h*(0.1*t - d*o)/z; y[4] += h*(m*o - d*t)/z; y[1] += h*y[2]; y[3] += h*y[4]"
+for i in 1 2 3 4 5 6 7 8; do
+    awk -F, -v seed=$i 'BEGIN { OFS = ","; srand(seed) } NR > 1 {
+        for (c = 2; c <= 5; c++) $c += (c % 2 ? 0.01 : 1e-3)*(rand() + rand() + rand() + rand() - 2)*sqrt(3) } { print }' \
+        "$folder/arm_$i.csv" >"$folder/links_$i.csv"
+done
+succeed "w1 [rad/s]: a co-energy; noise" propose --budget 0 --data "$folder"/links_?.csv --inputs M -o "$folder/arm"
+grep -q "w1_w1_w1_q2" "$folder/arm/training.yaml" || fail "propose: expected an inertia that depends on the elbow"
+succeed "Verdict: good" fit "$folder/arm/training.yaml" -o "$folder/arm/weights"
+
 # A reaction in a solvent, whose product is not there at first; noise of 1e-3 mol and 0.05 K. Its equilibrium depends on the
 # temperature as its heat says.
 write reaction 12 "A [mol],B [mol],T [K]" \
