@@ -21,9 +21,10 @@
 #define STILL 0.01            // K, below which convection no longer depends on it
 #define ROOM_TEMPERATURE 293.15
 #define DECADE 10
-#define STEEPEST 4   // power of a squared distance with which friction falls
-#define BENDS 3      // bends of a function of one variable, each of which has a place and a width
-#define MOST_BENDS 8 // likewise, of a function that may be wavy
+#define MOST_SUMMED 4 // positions over whose sums and products an energy is a sum
+#define STEEPEST 4    // power of a squared distance with which friction falls
+#define BENDS 3       // bends of a function of one variable, each of which has a place and a width
+#define MOST_BENDS 8  // likewise, of a function that may be wavy
 // The argument of a logarithm that would round to 0 far below a step of a small width.
 #define SHARP 1e-9
 // Logarithms of the factors of a bend, and of a deviation of a temperature: what is not there would
@@ -482,7 +483,8 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             }
         }
     }
-    if (shared && w->chosen[PM_LOGGER_INERTIA] == SHOWN_INERTIA) {
+    if (shared && w->chosen[PM_LOGGER_INERTIA] == SHOWN_INERTIA &&
+        pm_logger_count(w->v, part, PM_LOGGER_POSITION) <= MOST_SUMMED) {
         write_shared_energy(w, part);
     } else if (shared) {
         double first = 0;
@@ -786,7 +788,8 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                 fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
                         place, both, d);
             }
-            for (int k = j + 1; k < w->v->nvariable && a->waves && b->waves; ++k) {
+            const bool sums = a->waves && b->waves && positions <= MOST_SUMMED;
+            for (int k = j + 1; k < w->v->nvariable && sums; ++k) {
                 if (pm_logger_is(w->v, k, part, PM_LOGGER_POSITION) && w->v->column[k].waves) {
                     write_angle_sums(w, (const int[]){i, j, k});
                 }

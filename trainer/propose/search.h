@@ -89,7 +89,7 @@ typedef struct pm_search_trial {
     pm_fit_score score;      // infinite where the fit has failed
     int iterations;          // of the last stage: it ends sooner when it makes no more progress
     bool failed, unfinished; // unfinished: it took too long, or ended by a fault
-    char reason[128];        // why it has failed
+    char reason[256];        // why it has failed
     // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""
     // if something else was learned, too.
     char found[PM_SEARCH_FOUND];
