@@ -607,22 +607,6 @@ static void write_central(pm_logger_writer *w, int part) {
     }
 }
 
-// Writes what three angles store together, as the weight of the last link of a chain does.
-static void write_angle_sums(pm_logger_writer *w, const int *angle) {
-    const pm_logger_column *a = &w->v->column[angle[0]], *b = &w->v->column[angle[1]],
-                           *c = &w->v->column[angle[2]];
-    static const char *const kinds[] = {"cos1", "sin1", "cos2", "sin2",
-                                        "cos3", "sin3", "cos4", "sin4"};
-    char all[PM_LOGGER_TEXT];
-    snprintf(all, sizeof all, "%.30s_%.30s_%.30s", a->name, b->name, c->name);
-    for (int k = 0; k < 8; ++k) {
-        fprintf(w->model, "%s%s*%.3s(%s %c %s %c %s)", k > 0 ? " + " : "      - \"",
-                pm_logger_number(w, kinds[k], all, 0, energy_of(&w->v->column[a->mate])), kinds[k],
-                a->name, k < 4 ? '+' : '-', b->name, k % 4 < 2 ? '+' : '-', c->name);
-    }
-    fputs("\"\n", w->model);
-}
-
 // Writes V, the energy of positions.
 void pm_logger_write_energy(pm_logger_writer *w, int part) {
     const int positions = pm_logger_count(w->v, part, PM_LOGGER_POSITION);
@@ -745,26 +729,14 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             snprintf(both, sizeof both, "%.40s_%.40s", a->name, b->name);
             const double size = energy_of(&w->v->column[a->mate]), lever = w->v->lever[i][j];
             const bool geared = lever != 0 && lever != 1;
-            if (!geared && a->angle && b->angle && (a->waves || b->waves)) {
-                static const char *const kinds[] = {"cosp", "sinp", "cosm", "sinm"};
-                for (int k = 0; k < 4; ++k) {
-                    fprintf(w->model, "%s%s*%.3s(%s %c %s)", k > 0 ? " + " : "      - \"",
-                            pm_logger_number(w, kinds[k], both, 0, size), kinds[k], a->name,
-                            k < 2 ? '+' : '-', b->name);
-                }
-                fputs("\"\n", w->model);
-            } else if (!geared && a->angle != b->angle) {
-                const pm_logger_column *x = a->angle ? b : a, *q = a->angle ? a : b;
-                fprintf(w->model, "      - \"%s/%.6g*(%s*cos(%s)", x->name,
-                        fmax(fabs(x->least), fabs(x->largest)),
-                        pm_logger_number(w, "cosx", both, 0, size), q->name);
-                fprintf(w->model, " + %s*sin(%s))\"\n", pm_logger_number(w, "sinx", both, 0, size),
-                        q->name);
-            } else if (!geared && !pm_unit_equal(&a->dimension, &b->dimension)) {
-                fprintf(w->model, "      - \"%s*(%s/%.6g)*(%s/%.6g)\"\n",
-                        pm_logger_number(w, "both", both, 0, size), a->name,
-                        fmax(fabs(a->least), fabs(a->largest)), b->name,
-                        fmax(fabs(b->least), fabs(b->largest)));
+            // Lengths of one unit are joined by springs, if by anything.
+            const bool alone = a->angle && b->angle ? !a->waves && !b->waves
+                                                    : pm_unit_equal(&a->dimension, &b->dimension);
+            char reach[PM_LOGGER_TEXT];
+            for (int k = 0; k < 4 && !geared && !alone && write_reach(w->v, i, j, k, reach); ++k) {
+                static const char *const kinds[] = {"w1", "w2", "w3", "w4"};
+                fprintf(w->model, "      - \"%s*%s\"\n",
+                        pm_logger_number(w, kinds[k], both, 0, size), reach);
             }
             if (has_spring(w->v, i, j)) {
                 const double d = w->v->apart[i][j];
@@ -788,10 +760,22 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                 fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
                         place, both, d);
             }
+            // What three angles store together, as the weight of the last link of a chain does.
             const bool sums = a->waves && b->waves && positions <= MOST_SUMMED;
-            for (int k = j + 1; k < w->v->nvariable && sums; ++k) {
-                if (pm_logger_is(w->v, k, part, PM_LOGGER_POSITION) && w->v->column[k].waves) {
-                    write_angle_sums(w, (const int[]){i, j, k});
+            for (int c = j + 1; c < w->v->nvariable && sums; ++c) {
+                const pm_logger_column *third = &w->v->column[c];
+                const bool own = pm_logger_is(w->v, c, part, PM_LOGGER_POSITION) && third->waves;
+                for (int k = 0; k < 4 && own; ++k) {
+                    static const char *const kinds[][2] = {
+                        {"cos1", "sin1"}, {"cos2", "sin2"}, {"cos3", "sin3"}, {"cos4", "sin4"}};
+                    char all[PM_LOGGER_TEXT], sum[PM_LOGGER_TEXT];
+                    snprintf(all, sizeof all, "%.60s_%.30s", both, third->name);
+                    snprintf(sum, sizeof sum, "%.40s %c %.40s %c %.40s", a->name, k < 2 ? '+' : '-',
+                             b->name, k % 2 == 0 ? '+' : '-', third->name);
+                    fprintf(w->model, "      - \"%s*cos(%s)",
+                            pm_logger_number(w, kinds[k][0], all, 0, size), sum);
+                    fprintf(w->model, " + %s*sin(%s)\"\n",
+                            pm_logger_number(w, kinds[k][1], all, 0, size), sum);
                 }
             }
         }

@@ -108,15 +108,6 @@ static double product_of(const pm_logger_view *v, const double *row, const doubl
            value_of(v, row, held, r->factor[2]);
 }
 
-// Returns true if no factor is held between samples.
-static bool is_smooth(const pm_logger_view *v, const regressor *r) {
-    bool smooth = true;
-    for (int k = 0; k < 3; ++k) {
-        smooth = smooth && (r->factor[k].kind == ONE || !v->column[r->factor[k].column].held);
-    }
-    return smooth;
-}
-
 // Normal equations of the windows that learn, and of those that judge.
 typedef struct equations {
     int n, count;
@@ -196,7 +187,12 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
                 for (int t = 0; t < list->count; ++t) {
                     const regressor *r = &list->item[t];
                     double y[4] = {0};
-                    for (int n = 0; n < 4 && whole && is_smooth(v, r); ++n) {
+                    bool smooth = whole; // no factor is held between samples
+                    for (int n = 0; n < 3; ++n) {
+                        const atom *f = &r->factor[n];
+                        smooth = smooth && (f->kind == ONE || !v->column[f->column].held);
+                    }
+                    for (int n = 0; n < 4 && smooth; ++n) {
                         y[n] = product_of(v, around[n], first, r);
                     }
                     x[base + t] += half * (product_of(v, first, first, r) +
@@ -947,25 +943,35 @@ static void add_expansion(const pm_logger_view *v, term_list *list, int t) {
     }
 }
 
-// Finds the lever of a spring between two positions q and r of a part. Its force is proportional to
-// lever*q - r for both of their velocities, so that each of them shows the lever, if nothing else
-// holds the positions. Positions of one unit for which that is not so have the lever 1.
-static void find_lever(pm_logger_view *v, int q, int r) {
-    const pm_logger_column *a = &v->column[q], *b = &v->column[r];
-    if (a->kind != PM_LOGGER_POSITION || b->kind != PM_LOGGER_POSITION || a->part != b->part ||
-        a->guided || b->guided || fmax(v->share[a->mate][r], v->share[b->mate][q]) < SPRING) {
-        return;
-    }
-    const double one = -v->coupling[a->mate][q] / v->coupling[a->mate][r];
-    const double other = -v->coupling[b->mate][r] / v->coupling[b->mate][q];
-    const bool shown = fabs(one * other - 1) < LEVERS_AGREE;
-    const double lever = copysign(sqrt(fabs(one / other)), one);
-    const bool same = a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension);
-    if (shown && !(same && fabs(lever - 1) < LEVERS_AGREE)) {
-        v->lever[q][r] = lever;
-        v->lever[r][q] = 1 / lever;
-    } else if (same) {
-        v->lever[q][r] = v->lever[r][q] = 1;
+// Finds the levers of springs between two positions of a part. The force of a spring is
+// proportional to lever*i - j for both of their velocities, so that each of them shows the lever,
+// if nothing else holds the positions. Positions of one unit for which that is not so have the
+// lever 1. Finds how far apart all columns come.
+static void find_levers(const pm_logger_samples *w) {
+    pm_logger_view *v = w->view;
+    for (int i = 0; i < v->nvariable; ++i) {
+        for (int j = 0; j < v->nvariable; ++j) {
+            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+            const bool pair = a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION &&
+                              a->part == b->part && !a->guided && !b->guided && j > i;
+            if (pair && fmax(v->share[a->mate][j], v->share[b->mate][i]) > SPRING) {
+                const double one = -v->coupling[a->mate][i] / v->coupling[a->mate][j];
+                const double other = -v->coupling[b->mate][j] / v->coupling[b->mate][i];
+                const double lever = copysign(sqrt(fabs(one / other)), one);
+                const bool same =
+                    a->angle == b->angle && pm_unit_equal(&a->dimension, &b->dimension);
+                const bool shown = fabs(one * other - 1) < LEVERS_AGREE &&
+                                   !(same && fabs(lever - 1) < LEVERS_AGREE);
+                v->lever[i][j] = shown ? lever : same ? 1 : 0;
+                v->lever[j][i] = shown ? 1 / lever : v->lever[i][j];
+            }
+            const double lever = v->lever[i][j] == 0 ? 1 : v->lever[i][j];
+            const double away = lever == 1 ? 0 : lever * a->mean - b->mean; // gears have no zero
+            for (int k = 0; k < w->nrow; ++k) {
+                const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
+                v->apart[i][j] = fmax(v->apart[i][j], fabs(lever * row[i] - row[j] - away));
+            }
+        }
     }
 }
 
@@ -975,19 +981,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     PM_TRY(pm_arena_status(&v->arena, "regressions"));
     for (int c = 0; c < v->nvariable; ++c) {
         v->column[c].harmonics = FEWEST_HARMONICS;
-        for (int j = 0; j < v->nvariable; ++j) {
-            if (j > c) {
-                find_lever(v, c, j);
-            }
-            const double lever = v->lever[c][j] == 0 ? 1 : v->lever[c][j];
-            const double away = // where a gear turns, no zero is told
-                lever == 1 ? 0 : lever * v->column[c].mean - v->column[j].mean;
-            for (int k = 0; k < w->nrow; ++k) {
-                const double *row = w->value + (ptrdiff_t)k * PM_LOGGER_COLUMNS;
-                v->apart[c][j] = fmax(v->apart[c][j], fabs(lever * row[c] - row[j] - away));
-            }
-        }
     }
+    find_levers(w);
     for (int q = 0; q < v->nvariable; ++q) {
         for (int r = q + 1; r < v->nvariable; ++r) {
             const pm_logger_column *a = &v->column[q], *b = &v->column[r];
