@@ -812,7 +812,7 @@ static pm_status run(pm_fit *f) {
     const pm_sensitivity_how how = {.system = f->training->system,
                                     .observation = &m->observation,
                                     .integrator = loss->integrator,
-                                    .substeps = f->training->scene->physics.substeps,
+                                    .substeps = f->training->substeps,
                                     .stretched = tracks.stretched};
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &how, &tracks));

@@ -303,6 +303,7 @@ static pm_status read_stages(pm_training *t, pm_yaml root) {
                                       t->scene->physics.integrator_at));
     PM_TRY(pm_yaml_read(pm_yaml_get(root, "loss"), &t->arena, loss_keys));
     PM_TRY(read_loss(&v, t, &common.loss));
+    t->substeps = common.loss.substeps;
     pm_yaml stages = pm_yaml_get(root, "stages");
     if ((!t->plain || t->noisy) && (!pm_yaml_exists(stages) || pm_yaml_is_text(stages, "auto"))) {
         // Derivatives come first: they are cheap, and good weights are found from far away. Steps

@@ -41,6 +41,7 @@ typedef struct pm_training {
     const char *from;   // path of the weights with which attempt 0 starts; NULL: draws
     int tries;          // initial draws to choose from (fit/start.h)
     int try_iterations; // iterations of each draw in the first round
+    int substeps;       // of the loss; a fit to measurements, which has no stages, ends with them
     int nstage;
     pm_stage stage[PM_MAX_TRAINING_STAGES];
     uint64_t digest; // of all inputs that determine the result, except the data and the stages

@@ -70,7 +70,7 @@ static pm_status find_noise(const pm_estimate *e, const pm_shooting *s, const pm
 // The prior of a hidden component of the start is what the scene says, or narrower, as the starts
 // of the trajectories of the fit spread.
 static void set_priors(pm_shooting *s, const pm_observation *o, const pm_uncertainty *u) {
-    for (int c = 0; c < s->nz && s->terms.prior != NULL; ++c) {
+    for (int c = 0; c < s->nz; ++c) {
         const double given = o->hidden[c] ? o->deviation[c] : 0;
         const double spread = u == NULL ? given : fmax(u->spread[c], NARROWEST * given);
         s->terms.prior[c] = fmin(given, spread);
@@ -133,8 +133,8 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
     pm_shooting shooting = {0};
     const pm_sensitivity_how how = how_of(system, o, tracks, false);
     pm_status status = pm_shooting_open(&shooting, &how, tracks);
-    set_priors(&shooting, o, u);
     if (status == PM_OK) {
+        set_priors(&shooting, o, u);
         status = differentiate(e, &shooting, start);
     }
     pm_shooting_close(&shooting);

@@ -190,7 +190,8 @@ static pm_status make(pm_uncertainty *u, pm_shooting *s, pm_arena *scratch) {
         }
         mean /= count;
         u->start[c] = mean;
-        // Of a new trajectory, whose mean is not known from this few, and whose start noise hides.
+        // A new start is further away: these few do not tell the mean, and noise hides each of
+        // them.
         u->spread[c] =
             count > 1 ? sqrt(fmax(square / count - mean * mean, 0) * (count + 1) / (count - 1) +
                              variance / count)

@@ -760,7 +760,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                 fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
                         place, both, d);
             }
-            // What three angles store together, as the weight of the last link of a chain does.
+            // Three angles store energy together, as the weight of the last link of a chain does.
             const bool sums = a->waves && b->waves && positions <= MOST_SUMMED;
             for (int c = j + 1; c < w->v->nvariable && sums; ++c) {
                 const pm_logger_column *third = &w->v->column[c];
