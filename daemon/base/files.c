@@ -65,15 +65,23 @@ void pm_files_note_output(const char *path) {
     note(path, true);
 }
 
-// Returns true if there is nothing in the file, or it begins with `kind`.
+// Returns true if there is nothing in the file, or it is of this kind. The HDF5 library is not
+// asked: it may crash on what a killed run left.
 static bool is_of_kind(const char *path, const char *kind) {
-    char begin[64] = "";
+    static const char hdf5[] = PM_FILES_HDF5;
+    static const char *const own[] = {PM_FILES_WEIGHTS, PM_FILES_RECORDING};
+    char start[16384];
     FILE *file = fopen(path, "rb");
-    const size_t count = file == NULL ? 0 : fread(begin, 1, sizeof begin, file);
+    const size_t size = file == NULL ? 0 : fread(start, 1, sizeof start, file);
     if (file != NULL) {
         fclose(file);
     }
-    return count == 0 || (count >= strlen(kind) && memcmp(begin, kind, strlen(kind)) == 0);
+    const char *found = size < strlen(hdf5) || memcmp(start, hdf5, strlen(hdf5)) != 0 ? NULL : hdf5;
+    for (int i = 0; i < 2 && found != NULL; ++i) {
+        found = memmem(start, size, own[i], strlen(own[i])) != NULL ? own[i] : found;
+    }
+    const bool begins = size >= strlen(kind) && memcmp(start, kind, strlen(kind)) == 0;
+    return size == 0 || (found == NULL || *kind == '\0' ? begins : strcmp(kind, found) == 0);
 }
 
 pm_status pm_files_check_output(const char *path, const char *kind) {

@@ -16,9 +16,12 @@ void pm_files_note_input(const char *path);
 // Notes that the program has written this file, so that it may read and write it again.
 void pm_files_note_output(const char *path);
 
-// A kind of file: the bytes with which each begins. PM_FILES_ANY: any regular file.
+// A kind of file: the bytes with which each begins. PM_FILES_ANY: any regular file. Weights and
+// recordings are HDF5 files whose first attribute is their kind; PM_FILES_HDF5 is any other one.
 #define PM_FILES_ANY ""
 #define PM_FILES_HDF5 "\x89HDF\r\n\x1a\n"
+#define PM_FILES_WEIGHTS "portmet weights"
+#define PM_FILES_RECORDING "portmet recording"
 #define PM_FILES_ARCHIVE "PK"
 
 // PM_EUSAGE: the program reads the file at `path`. PM_EFILE: unless `kind` is NULL, there is

@@ -13,6 +13,10 @@
 
 #define ALIGNMENT ((size_t)8) // in numbers: one cache line
 
+// In multiplications: a function such as tanh, and an instruction shared by a batch of items.
+#define FUNCTION 8
+#define CALL 1
+
 // --- a free list of memory intervals ---
 
 typedef struct interval {
@@ -461,6 +465,28 @@ void pm_program_run_prepared(pm_program *program, int batch) {
 void pm_program_run(pm_program *program, int batch) {
     pm_program_prepare(program);
     pm_program_run_prepared(program, batch);
+}
+
+double pm_program_work(const pm_program *program) {
+    double work = 0;
+    for (int i = program->nfixed; i < program->ninstruction; ++i) {
+        const pm_instruction *x = &program->instruction[i];
+        double each = 1;
+        switch (x->op) {
+#define FUNCTION_OF(OPERATION, ...) case PM_OP_##OPERATION:
+            PM_FUNCTIONS(FUNCTION_OF)
+#undef FUNCTION_OF
+            each = FUNCTION;
+            break;
+        case PM_OP_MATMUL:
+            each = (x->first & 1) != 0 ? x->shape_a.rows : x->shape_a.cols;
+            break;
+        default:
+            break;
+        }
+        work += CALL + each * x->shape.rows * x->shape.cols;
+    }
+    return work;
 }
 
 size_t pm_program_bytes(const pm_program *program) {

@@ -41,6 +41,9 @@ void pm_program_run(pm_program *program, int batch);
 void pm_program_prepare(pm_program *program);
 void pm_program_run_prepared(pm_program *program, int batch);
 
+// Returns about how many multiplications one item takes in a run.
+double pm_program_work(const pm_program *program);
+
 // Returns the bytes of planned memory.
 size_t pm_program_bytes(const pm_program *program);
 

@@ -5,7 +5,7 @@
 
 #include "model/formula.h"
 
-#define PM_MAX_STEPS 400
+#define PM_MAX_STEPS 2000
 #define PM_MAX_STEP_FEATURE (2 * PM_MAX_NAME + 8)
 
 typedef enum pm_step_kind {

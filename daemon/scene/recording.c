@@ -19,7 +19,6 @@
 #include "store/hdf5_io.h"
 
 #define FLUSH_SECONDS 1.0 // of samples that a killed run may lose
-#define FORMAT "portmet recording"
 #define BLOCK 256             // most samples in a buffer and in a chunk of the file
 #define CHUNK 131072          // most numbers of a chunk: large states have fewer samples in it
 #define MOST_BUFFERED 8388608 // numbers in all buffers, unless a single sample has more
@@ -229,7 +228,7 @@ static pm_status describe_state(pm_recording *r, const char *path, const pm_layo
 
 static pm_status create_all(pm_recording *r) {
     const pm_scene *scene = r->scene;
-    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", FORMAT));
+    PM_TRY(pm_hdf5_write_text(r->file, "/", "format", PM_FILES_RECORDING));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "version", 2));
     PM_TRY(pm_hdf5_write_integer(r->file, "/", "committed", 0));
     PM_TRY(pm_hdf5_write_text(r->file, "/", "scene", scene->name));
@@ -307,21 +306,6 @@ static pm_status check_folder(const char *path) {
     return status;
 }
 
-// Returns true if the file at `path` is an HDF5 file whose beginning holds the format's name, which
-// is the first attribute of a recording. The HDF5 library is not asked: it may crash on what a
-// killed run left.
-static bool is_recording(const char *path) {
-    static const char signature[] = "\x89HDF\r\n\x1a\n";
-    char start[16384];
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) {
-        return false;
-    }
-    const size_t size = fread(start, 1, sizeof start, file);
-    fclose(file);
-    return size >= sizeof signature - 1 && memcmp(start, signature, sizeof signature - 1) == 0 &&
-           memmem(start, size, FORMAT, sizeof FORMAT - 1) != NULL;
-}
 
 pm_status pm_recording_check(const char *path, bool overwrite) {
     struct stat there;
@@ -331,14 +315,10 @@ pm_status pm_recording_check(const char *path, bool overwrite) {
     if (!S_ISREG(there.st_mode)) {
         return pm_fail(PM_EFILE, "%s: cannot create a recording: this is not a file", path);
     }
-    PM_TRY(pm_files_check_output(path, PM_FILES_ANY));
     if (access(path, W_OK) != 0) {
         return pm_fail(PM_EFILE, "%s: cannot be overwritten: %s", path, strerror(errno));
     }
-    if (!overwrite && there.st_size > 0 && !is_recording(path)) {
-        return pm_fail(PM_EFILE, "%s: this file exists and is not a recording", path);
-    }
-    return PM_OK;
+    return pm_files_check_output(path, overwrite ? PM_FILES_ANY : PM_FILES_RECORDING);
 }
 
 // Opens a new file, or with `count` >= 0 an existing one that holds at least as many samples.

@@ -9,10 +9,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/files.h"
 #include "model/training_range.h"
 #include "store/hdf5_io.h"
 
-#define FORMAT "portmet weights"
 // The version of the layout. A new key in the text of a model needs no new version: older programs
 // refuse a key that they do not know.
 #define VERSION 1
@@ -91,8 +91,8 @@ pm_status pm_weights_save(const char *path, pm_component c, const pm_provenance 
     const char *text = c.kind->write_spec(c.spec, &arena);
     PM_TRY_DONE(pm_allocated(text, "%s", path));
     PM_TRY_DONE(check_values(c.params, path));
-    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
-    PM_TRY_DONE(pm_hdf5_write_text(file, "/", "format", FORMAT));
+    PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_WEIGHTS));
+    PM_TRY_DONE(pm_hdf5_write_text(file, "/", "format", PM_FILES_WEIGHTS));
     PM_TRY_DONE(pm_hdf5_write_integer(file, "/", "version", VERSION));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/", "kind", c.kind->name));
     PM_TRY_DONE(pm_hdf5_write_text(file, "/", "model", text));
@@ -292,9 +292,9 @@ pm_status pm_weights_load(const char *path, pm_arena *arena, pm_component compon
     status = pm_hdf5_open(&file, path, PM_HDF5_OWN, PM_EWEIGHTS);
     PM_TRY_DONE(status == PM_EFILE ? pm_fail(PM_EWEIGHTS, "weights %s", pm_error()) : status);
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "format", arena, &text));
-    if (strcmp(text, FORMAT) != 0) {
+    if (strcmp(text, PM_FILES_WEIGHTS) != 0) {
         PM_TRY_DONE(
-            pm_fail(PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" FORMAT "\"", path, text));
+            pm_fail(PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" PM_FILES_WEIGHTS "\"", path, text));
     }
     PM_TRY_DONE(pm_hdf5_read_integer(file, "/", "version", &version));
     if (version != VERSION) {

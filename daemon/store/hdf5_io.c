@@ -241,9 +241,11 @@ pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path) {
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode) {
     pm_hdf5 *created = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_files_check_output(path, mode == PM_HDF5_ATOMIC ? PM_FILES_HDF5 : PM_FILES_ANY));
+    PM_TRY_DONE(pm_files_check_output(path, mode == PM_HDF5_ATOMIC    ? PM_FILES_HDF5
+                                            : mode == PM_HDF5_WEIGHTS ? PM_FILES_WEIGHTS
+                                                                      : PM_FILES_ANY));
     PM_TRY_DONE(handle_new(&created, path, PM_EFILE));
-    if (mode == PM_HDF5_ATOMIC) {
+    if (mode != PM_HDF5_IN_PLACE) {
         if (asprintf(&created->temporary, "%s.%ld.tmp", path, (long)getpid()) < 0) {
             created->temporary = NULL;
             PM_TRY_DONE(pm_fail(PM_ENOMEM, "%s: out of memory", path));

@@ -54,8 +54,9 @@ pm_status pm_hdf5_reopen(pm_hdf5 **file, const char *path);
 
 // ATOMIC: the file has a temporary name in the same folder until pm_hdf5_commit moves it, whole, to
 // `path`. IN_PLACE: the file is at `path` from the start, so that flushed content survives the
-// death of its writer.
-typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_IN_PLACE } pm_hdf5_mode;
+// death of its writer. WEIGHTS is ATOMIC for weights: they replace weights alone, and ATOMIC
+// replaces neither weights nor recordings.
+typedef enum pm_hdf5_mode { PM_HDF5_ATOMIC, PM_HDF5_WEIGHTS, PM_HDF5_IN_PLACE } pm_hdf5_mode;
 // Creates an empty file for writing. It replaces a file of the same name, if there is one. The
 // caller closes the file.
 pm_status pm_hdf5_create(pm_hdf5 **file, const char *path, pm_hdf5_mode mode);

@@ -198,7 +198,7 @@ grep -q "steps in violation: 0;" "$folder/out" || fail "hot.yaml: the step befor
 
 # A recording takes the place of no other file, and never of one that the run reads.
 echo "a letter" >"$folder/letter"
-expect 4 "$folder/letter: this file exists and is not a recording" run "$scene" --in-process --record "$folder/letter"
+expect 4 "$folder/letter: this file exists and is of another kind" run "$scene" --in-process --record "$folder/letter"
 grep -q "a letter" "$folder/letter" || fail "the letter was overwritten"
 succeed "0.000 %" run "$scene" --in-process --record "$folder/letter" --overwrite
 grep -q "a letter" "$folder/letter" && fail "the letter was not overwritten"

@@ -207,7 +207,8 @@ static void mentions(void **state) {
 }
 
 #define TEN "s+s+s+s+s+s+s+s+s+s+"
-#define FIFTY TEN TEN TEN TEN TEN
+#define HUNDRED TEN TEN TEN TEN TEN TEN TEN TEN TEN TEN
+#define THOUSAND HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED HUNDRED
 
 static void mistakes_are_told(void **state) {
     (void)state;
@@ -242,7 +243,7 @@ static void mistakes_are_told(void **state) {
         {"s $ 2", "expected an operation at \"$ 2\""},
         {"((((((((((((((((((((((((((((((((s))))))))))))))))))))))))))))))))",
          "more than 32 brackets and signs in one another"},
-        {FIFTY FIFTY FIFTY FIFTY "s", "more than 400 operations"},
+        {THOUSAND "s", "more than 2000 operations"},
     };
     pm_symbols symbols = symbols_of(NULL, PM_NO_NODE);
     symbols.symbol[symbols.count++] =

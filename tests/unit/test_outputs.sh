@@ -64,6 +64,12 @@ cp "$folder/letter" "$folder/code/pair.h"
 expect 4 "pair.h: this file exists and is of another kind" export "$scene" --c "$folder/code"
 program=$train
 
+# Data, weights and recordings are HDF5 files, and no kind replaces another one.
+cp "$folder/left.h5" "$folder/unused.h5"
+expect 4 "unused.h5: this file exists and is of another kind" truth "$folder/truth.yaml" -o "$folder/unused.h5"
+expect 4 "unused.h5: this file exists and is of another kind" import "$folder/table.csv" -o "$folder/unused.h5"
+cmp -s "$folder/left.h5" "$folder/unused.h5" || fail "weights have been replaced"
+
 # What the program has written it may read and write again.
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"

@@ -362,7 +362,7 @@ static void a_check_tells_beforehand_and_changes_nothing(void **state) {
     assert_non_null(file);
     fputs("old", file);
     fclose(file);
-    assert_refused(path, "run.h5: this file exists and is not a recording");
+    assert_refused(path, "run.h5: this file exists and is of another kind");
     assert_int_equal(pm_recording_check(path, true), PM_OK);
     struct stat there;
     assert_int_equal(stat(path, &there), 0);

@@ -21,7 +21,9 @@ typedef struct pm_fit_effort {
     int samples;               // at most so many samples in a batch
     int iterations; // at most so many in each stage; measurements: steps of the continuation in all
     int stages;     // at most so many
-    double seconds; // measurements: of CPU time of the process, after which it ends; 0: no limit
+    // Measurements: of CPU time on a nominal machine (PM_SHOOTING_SPEED), after which it ends; 0: no
+    // limit.
+    double seconds;
     bool whole;     // measurements: it begins with whole trajectories, since weights are good
 } pm_fit_effort;
 
@@ -97,6 +99,7 @@ typedef struct pm_fit_measured {
     unsigned char *beside;
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
     double huber;       // pm_shooting_terms.huber unless windows begin as whole trajectories
+    double seconds;     // of CPU time on a nominal machine, that fit and score have taken
     int longest;        // samples of the longest track
     long used, samples; // number of samples that the fit uses, and of all samples
 } pm_fit_measured;

@@ -289,7 +289,7 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
         pm_shooting_weights(s, c->fit->theta);
         c->length = point->length;
         c->ended = ++c->steps > effort->iterations ||
-                   (effort->seconds > 0 && (double)clock() > effort->seconds * CLOCKS_PER_SEC);
+                   (effort->seconds > 0 && s->work > effort->seconds * PM_SHOOTING_SPEED);
         return c->ended ? pm_fail(PM_EINTERRUPTED, "a short fit has come to its end") : PM_OK;
     }
     if (point->stage >= PM_CONTINUATION_SHORT && point->stride == 1 &&
@@ -872,6 +872,7 @@ static pm_status run(pm_fit *f) {
             begin_phase(f, &shooting, WITHOUT_AGAIN);
         }
     }
+    f->measured.seconds += shooting.work / PM_SHOOTING_SPEED;
     pm_shooting_weights(&shooting, f->theta);
     f->position.best = -1;
     for (int i = 0; i < f->size; ++i) { // what is left out vanishes
@@ -1091,6 +1092,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
         .seconds = taught, .stop = f->stop, .until = later ? INFINITY : taught};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
+    f->measured.seconds += e.work / PM_SHOOTING_SPEED;
     double sum = 0;
     for (int c = 0; c < m->observation.count; ++c) {
         const double error =

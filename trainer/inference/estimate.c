@@ -169,6 +169,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
                    shooting.z + (ptrdiff_t)w * e->nz, (size_t)e->nz * sizeof *e->start);
         }
     }
+    e->work = shooting.work;
     memcpy(e->noise, shooting.terms.noise, (size_t)e->ny * sizeof *e->noise);
     if (how->uncertainty != NULL) {
         status = find_uncertainty(e, system, o, &tracks, &shooting, how->uncertainty, start);

@@ -23,6 +23,7 @@ typedef struct pm_estimate {
     pm_arena arena;           // owns all
     int count, ntime, ny, nz; // trajectories, samples of each, measured columns, state components
     double until;             // s after the first sample; later measurements are not scored
+    double work;              // of the shooting (shooting/shooting.h)
     double *start;            // [count][nz] states at the first samples
     double *noise; // [ny] noise estimated from the residuals of the first seconds, unit of column
     double *y;     // [count][ntime][ny] predicted columns; NaN where a trajectory has no sample

@@ -19,8 +19,10 @@
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
-// Trials after the first one end after so many s of CPU time; as many more are for their judgement.
+// Trials after the first one end after so many s of CPU time. A trial that takes so many times as
+// long as it should, and so many s, is stopped.
 #define ENDED 30
+#define SAFETY 4
 #define LEAST 1 // s of CPU time that every trial has
 // A single record teaches a model with this part of it, and judges it with the rest.
 #define TAUGHT 0.65
@@ -184,7 +186,9 @@ typedef struct hidden_search {
     int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     pm_search_trial trial[MOST_TRIALS];
-    double used;        // s of CPU time
+    // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
+    // depend on the machine; and as measured, which ends the trials on slow ones
+    double spent, used;
     bool short_of_time; // the first trial had not ended in its time
 } hidden_search;
 
@@ -245,7 +249,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
     // Half of what is left of the budget is for what is tried next; several guesses share all of
     // it.
-    const double rest = s->hints->budget - s->used, count = s->count - from;
+    const double rest = s->hints->budget - s->spent, count = s->count - from;
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
     // The first trial may take longer, since the fit begins where it ends.
     const double longest = from == 0 ? left : fmin(ENDED, left);
@@ -264,11 +268,11 @@ static pm_status try_guesses(hidden_search *s, int from) {
         number[i] = i;
         vector[i - from] = &number[i];
     }
-    const double before = s->used;
-    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, fmin(longest + ENDED, 2 * left),
-                         NULL, s->hints->stop, s->trial + from, &s->used));
-    s->short_of_time = s->short_of_time || (from == 0 && s->used - before > longest);
+    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, SAFETY * longest + ENDED, NULL,
+                         s->hints->stop, s->trial + from, &s->used));
     for (int i = from; i < s->count; ++i) {
+        s->spent += s->trial[i].unfinished ? longest : s->trial[i].seconds;
+        s->short_of_time = s->short_of_time || (from == 0 && s->spent > longest);
         const double error = error_of(s, i);
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
@@ -336,9 +340,15 @@ static pm_status add_laws(hidden_search *s) {
     return PM_OK;
 }
 
+// Returns true if nothing else is tried.
+static bool is_over(const hidden_search *s) {
+    const double budget = s->hints->budget;
+    return explains(s) || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget;
+}
+
 // Tries other laws as long as one of them is better.
 static pm_status find_laws(hidden_search *s) {
-    for (int before = -1; s->best != before && !explains(s) && s->used < s->hints->budget;) {
+    for (int before = -1; s->best != before && !is_over(s);) {
         const int from = s->count;
         before = s->best;
         PM_TRY(add_laws(s));
@@ -355,7 +365,7 @@ typedef enum column_group { UNPLACED, MOVING, SEEN, THERMAL } column_group;
 // behind all columns of a unit, then behind single ones, until nothing is better.
 static pm_status find_columns(hidden_search *s, column_group group) {
     for (int alike = 1; alike >= 0; --alike) {
-        for (int c = 0; c < s->first.nvariable && !explains(s) && s->used < s->hints->budget; ++c) {
+        for (int c = 0; c < s->first.nvariable && !is_over(s); ++c) {
             const pm_logger_column *column = &s->first.column[c];
             const int from = s->count;
             const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;

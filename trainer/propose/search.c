@@ -158,6 +158,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         status = status == PM_OK && start != NULL ? pm_fit_save_start(&f, start) : status;
         result.failed = status != PM_OK;
         result.iterations = f.position.done;
+        result.seconds = f.measured.seconds;
         if (!result.failed) {
             list_constants(f.training->system, result.found);
         }

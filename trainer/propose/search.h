@@ -88,6 +88,7 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
 typedef struct pm_search_trial {
     pm_fit_score score;      // infinite where the fit has failed
     int iterations;          // of the last stage: it ends sooner when it makes no more progress
+    double seconds;          // measurements: of CPU time on a nominal machine
     bool failed, unfinished; // unfinished: it took too long, or ended by a fault
     char reason[256];        // why it has failed
     // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""

@@ -151,6 +151,20 @@ void pm_sensitivity_close(pm_sensitivity *sensitivity) {
     }
 }
 
+// Returns the work of a program for one item, and of the product of its Jacobian.
+static double work_of(const pm_sensitivity *f, const jacobian *j) {
+    const double columns = f->nz + f->nweight;
+    return pm_program_work(j->program) + (f->derivatives ? j->size * columns * (f->nz + 1) : 0);
+}
+
+double pm_sensitivity_step_work(const pm_sensitivity *sensitivity) {
+    return work_of(sensitivity, &sensitivity->step);
+}
+
+double pm_sensitivity_sample_work(const pm_sensitivity *sensitivity) {
+    return work_of(sensitivity, &sensitivity->columns);
+}
+
 void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, size_t nweight,
                              pm_arena *arena) {
     for (int i = 0; i < count; ++i) {

@@ -29,6 +29,10 @@ typedef struct pm_sensitivity pm_sensitivity;
 pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,
                               bool derivatives);
 void pm_sensitivity_close(pm_sensitivity *sensitivity); // NULL is allowed
+// Returns about how many multiplications one step and one sample take, with their derivatives if
+// there are any.
+double pm_sensitivity_step_work(const pm_sensitivity *sensitivity);
+double pm_sensitivity_sample_work(const pm_sensitivity *sensitivity);
 
 // A state that the integrator advances in time, with its derivatives. The caller owns the arrays.
 typedef struct pm_sensitivity_item {

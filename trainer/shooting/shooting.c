@@ -452,6 +452,24 @@ static void *work(void *context) {
     return NULL;
 }
 
+// Adds the work of an evaluation: of the steps, of the samples with their part of the normal
+// equations, and of the elimination of the starts.
+static void count_work(pm_shooting *s, bool derivatives) {
+    const pm_sensitivity *f = s->lane[0].sensitivity;
+    const double border = s->terms.hold ? 1 : s->nborder, nz = s->nz;
+    const double step = pm_sensitivity_step_work(f), sample = pm_sensitivity_sample_work(f);
+    const double equations = derivatives ? (nz + border) * (nz + border) / 2 : 0;
+    for (int w = 0; w < s->nwindow; ++w) {
+        const pm_window *window = &s->window[w];
+        const int *first = s->tracks->track[window->track].first_step;
+        const int end = window->ends ? window->last - 1 : window->last;
+        s->work += step * (first[end] - first[window->first]) +
+                   (sample + equations * s->ny) * (window->last - window->first) +
+                   equations * nz * (nz + 1);
+    }
+    s->work += derivatives ? border * border * border / 3 : 0;
+}
+
 double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
     const size_t windows = (size_t)s->nwindow, nz = (size_t)s->nz, border = (size_t)s->nborder;
     if (derivatives) {
@@ -478,10 +496,7 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
         l->start = z;
         l->sensitivity = *own;
     }
-    for (int w = 0; w < s->nwindow; ++w) {
-        const double derivative = derivatives ? s->nz + (s->terms.hold ? 0 : s->nweight) : 0;
-        s->work += (s->window[w].last - s->window[w].first) * (1 + derivative);
-    }
+    count_work(s, derivatives);
     pm_team_run(NULL, work, s->lane, sizeof *s->lane);
     double objective = s->lane[0].objective;
     if (derivatives) {

@@ -19,6 +19,7 @@
 #include "shooting/sensitivity.h"
 
 #define PM_SHOOTING_REACH 10.0 // `reach` of the logarithm of a positive constant
+#define PM_SHOOTING_SPEED 3e9  // multiplications in a second of CPU time on a nominal machine
 
 // A window: the samples [first, last) of a track, where the integration ends at sample `last` if
 // another window follows, else at `last - 1`.
@@ -86,7 +87,7 @@ typedef struct pm_shooting {
     // which is the root of Huber's weight over the noise
     double **row;
     double **path; // [tracks->count] -> [steps][nz], states before steps of a few windows
-    double work;   // samples of all evaluations so far, times the derivatives of each
+    double work;   // of all evaluations so far: about how many multiplications
     pm_shooting_blocks blocks;
     struct pm_shooting_lane *lane; // [pm_team_lanes(NULL).own] threads
     pm_status failed;              // of the last evaluation: PM_ENOMEM, or PM_OK
