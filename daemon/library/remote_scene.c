@@ -44,10 +44,9 @@ static pm_status take(pm_remote_scene *s) {
 pm_status pm_remote_scene_ask(pm_remote_scene *s, portmet_control_t request) {
     const bool starts = request.kind == PORTMET_CONTROL_T_RESET;
     const bool stops = request.kind == PORTMET_CONTROL_T_STOP, running = s->running;
-    bool set = s->served->nlive > 0, changed = false; // the inputs
+    bool set = s->served->nlive > 0; // the inputs
     for (int i = 0; i < s->served->nlive; ++i) {
         set = set && !isnan(s->input[i]);
-        changed = changed || s->input[i] != s->sent[i];
     }
     s->running = starts || (running && !stops);
     if (stops && !running) {
@@ -57,14 +56,11 @@ pm_status pm_remote_scene_ask(pm_remote_scene *s, portmet_control_t request) {
         request.kind = PORTMET_CONTROL_T_START;
         request.file = (char *)s->record;
     }
-    if (set && !stops && (starts || changed)) {
-        const portmet_control_t alone = {.kind = PORTMET_CONTROL_T_SET};
-        portmet_control_t inputs = starts ? request : alone;
-        inputs.nlive = s->served->nlive;
-        inputs.live = s->input;
-        request = starts ? inputs : request;
-        PM_TRY(starts ? PM_OK : pm_remote_ask(s->client, &inputs, true));
-        memcpy(s->sent, s->input, (size_t)s->served->nlive * sizeof *s->sent);
+    const bool takes = starts || request.kind == PORTMET_CONTROL_T_SET ||
+                       request.kind == PORTMET_CONTROL_T_ADVANCE;
+    if (set && takes) {
+        request.nlive = s->served->nlive;
+        request.live = s->input;
     }
     const pm_status status = pm_remote_ask(s->client, &request, !starts || running);
     s->running = s->running && (running || status == PM_OK);
@@ -104,7 +100,6 @@ pm_status pm_remote_scene_open(pm_remote_scene *s, const pm_remote_address *addr
         s->array[i] = pm_arena_array(&s->arena, size[i], sizeof(double));
     }
     s->input = pm_arena_array(&s->arena, nlive, sizeof *s->input);
-    s->sent = pm_arena_array(&s->arena, nlive, sizeof *s->sent);
     PM_TRY(pm_arena_status(&s->arena, "scene %s", address->name));
     for (size_t i = 0; i < nlive; ++i) {
         s->input[i] = NAN;

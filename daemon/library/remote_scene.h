@@ -21,7 +21,6 @@ typedef struct pm_remote_scene {
     const char *const *names[PORTMET_SCENE + 1]; // [nname] of each kind of names
     int nname[PORTMET_SCENE + 1];
     double *input; // [served->nlive] NaN: not set
-    double *sent;  // [served->nlive] the last ones that were sent
 } pm_remote_scene;
 
 // The arguments of portmet_scene_connect.
@@ -34,7 +33,7 @@ typedef struct pm_remote_address {
 // client, transport and arena, on failure too.
 pm_status pm_remote_scene_open(pm_remote_scene *scene, const pm_remote_address *address);
 
-// Sends a request with the inputs that have changed, and takes over the reply. RESET begins a run
+// Sends a request with the inputs, if all are set, and takes over the reply. RESET begins a run
 // where none of this client is under way. Fails as pm_remote_ask does.
 pm_status pm_remote_scene_ask(pm_remote_scene *scene, portmet_control_t request);
 

@@ -234,9 +234,12 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
         .want_state = run->record[0] != 0 || !pm_scene_may_report_sums(c->scene),
         .observer = observer,
     };
+    // What is restored holds as it did: until the next step, if messages brought it.
+    const bool kept =
+        r->kind == PORTMET_CONTROL_T_RESTORE && r->nlive > 0 && !c->live.channel[0].set;
     pm_lockstep_coordinator_begin(c, &order);
     if (r->nlive > 0) {
-        pm_live_inputs_set(&c->live, r->live);
+        pm_live_inputs_set(&c->live, r->live, kept);
     }
     if (r->held || set) {
         pm_lockstep_coordinator_hold(c, c->first);
@@ -409,6 +412,16 @@ static bool needs_hold(const portmet_control_t *r) {
            (r->kind == PORTMET_CONTROL_T_SET && r->nz > 0);
 }
 
+// Takes the live inputs of a request.
+static pm_status set_inputs(pm_lockstep_coordinator *c, const portmet_control_t *r) {
+    if (r->nlive == 0 || r->nlive != c->scene->network.nlive) {
+        return pm_fail(PM_EUSAGE, "%d live inputs, and the scene has %d", r->nlive,
+                       c->scene->network.nlive);
+    }
+    pm_live_inputs_set(&c->live, r->live, false);
+    return PM_OK;
+}
+
 // Does what a request asks for. The client then waits, or the request is done.
 static pm_status execute(pm_control *control, client *from, const portmet_control_t *r) {
     pm_lockstep_coordinator *c = control->coordinator;
@@ -448,6 +461,7 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
         if (r->steps < 1) {
             return pm_fail(PM_EUSAGE, "%lld steps, at least 1", (long long)r->steps);
         }
+        PM_TRY(r->nlive == 0 ? PM_OK : set_inputs(c, r));
         from->target = c->endpoint.steps - c->completed > r->steps ? c->completed + r->steps
                                                                    : c->endpoint.steps;
         pm_lockstep_coordinator_hold(c, from->target);
@@ -460,12 +474,7 @@ static pm_status execute(pm_control *control, client *from, const portmet_contro
             state.steps = 0;
             return begin(control, from, &state, &point, true);
         }
-        if (r->nlive == 0 || r->nlive != c->scene->network.nlive) {
-            return pm_fail(PM_EUSAGE, "%d live inputs, and the scene has %d", r->nlive,
-                           c->scene->network.nlive);
-        }
-        pm_live_inputs_set(&c->live, r->live);
-        return PM_OK;
+        return set_inputs(c, r);
     case PORTMET_CONTROL_T_RESET:
         return begin(control, from, r, NULL, false);
     default:

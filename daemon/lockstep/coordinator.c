@@ -767,7 +767,7 @@ static void renew(pm_lockstep_coordinator *c, int64_t steps, bool want_state,
     if (from == NULL) {
         pm_ledger_init(&c->ledger, c->endpoint.system);
         (void)pm_step_controller_init(&c->step_controller, c->scene); // it succeeded before
-        pm_live_inputs_set(&c->live, NULL);
+        pm_live_inputs_set(&c->live, NULL, false);
     } else {
         c->ledger = from->ledger;
         c->step_controller.substeps = from->substeps;

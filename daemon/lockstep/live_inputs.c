@@ -135,16 +135,17 @@ pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_ar
         channel->step = pm_arena_array(arena, PM_LIVE_AHEAD, sizeof *channel->step);
         channel->value =
             pm_arena_array(arena, PM_LIVE_AHEAD * (size_t)input->count, sizeof *channel->value);
+        channel->given = pm_arena_array(arena, (size_t)input->count, sizeof *channel->given);
         PM_TRY(pm_arena_status(arena, "live inputs"));
         if (replay == NULL && transport != NULL) {
             PM_TRY(pm_transport_subscribe(transport, input->channel, on_message, channel));
         }
     }
-    pm_live_inputs_set(live, NULL);
+    pm_live_inputs_set(live, NULL, false);
     return PM_OK;
 }
 
-void pm_live_inputs_set(pm_live_inputs *live, const double *values) {
+void pm_live_inputs_set(pm_live_inputs *live, const double *values, bool kept) {
     live->next = values == NULL ? 0 : live->next;
     for (int i = 0; i < live->scene->network.nlive_input; ++i) {
         pm_live_channel *channel = &live->channel[i];
@@ -155,12 +156,13 @@ void pm_live_inputs_set(pm_live_inputs *live, const double *values) {
             memset(channel->step, -1, PM_LIVE_AHEAD * sizeof *channel->step);
             memcpy(channel->value, input->start, size);
             memcpy(live->taken[1] + input->first, input->start, size);
+        } else if (input->waits) { // messages for later steps still count
+            memcpy(channel->given, values + input->first, size);
+            channel->step[live->next % PM_LIVE_AHEAD] = -1;
         } else {
-            const int64_t slot = input->waits ? live->next % PM_LIVE_AHEAD : 0;
-            channel->step[slot] = live->next;
-            memcpy(channel->value + slot * input->count, values + input->first, size);
+            memcpy(channel->value, values + input->first, size);
         }
-        channel->set = values != NULL;
+        channel->set = values != NULL && !(kept && input->waits);
     }
 }
 
@@ -190,8 +192,8 @@ const char *pm_live_inputs_awaited(const pm_live_inputs *live) {
         const pm_live_channel *channel = &live->channel[i];
         const bool here = channel->input->waits
                               ? channel->step[live->next % PM_LIVE_AHEAD] == live->next
-                              : channel->any || channel->set || channel->input->starts;
-        if (!here) {
+                              : channel->any || channel->input->starts;
+        if (!here && !channel->set) {
             return channel->input->channel;
         }
     }
@@ -208,7 +210,8 @@ void pm_live_inputs_take(pm_live_inputs *live) {
         const pm_live_channel *channel = &live->channel[i];
         const pm_scene_live_input *input = channel->input;
         const int64_t slot = input->waits ? live->next % PM_LIVE_AHEAD : 0;
-        memcpy(to + input->first, channel->value + slot * input->count,
+        const bool given = input->waits && channel->step[slot] != live->next;
+        memcpy(to + input->first, given ? channel->given : channel->value + slot * input->count,
                (size_t)input->count * sizeof *to);
     }
     live->next += 1;

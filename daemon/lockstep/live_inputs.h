@@ -23,9 +23,10 @@ typedef struct pm_live_channel {
     const pm_scene_live_input *input;
     bool any;      // a message has arrived
     bool fresh;    // since the last check
-    bool set;      // values were set in place of a message (pm_live_inputs_set)
+    bool set;      // values were set in place of messages (pm_live_inputs_set)
     double heard;  // s, monotonic, when the last check found a message
     double *value; // [PM_LIVE_AHEAD][count]; [0] is the newest if the input does not wait
+    double *given; // [count] those that were set
     int64_t *step; // [PM_LIVE_AHEAD] the step for which the values hold; -1: none
 } pm_live_channel;
 
@@ -50,10 +51,11 @@ pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_ar
                               pm_transport *transport, const double *replay, int64_t replayed,
                               pm_drops *drops);
 
-// Sets the newest values [scene->nlive], as if every channel had sent a message for the next step.
-// With NULL another run begins: the next step is the first one, and the values are the scene's
-// first ones.
-void pm_live_inputs_set(pm_live_inputs *live, const double *values);
+// Sets the newest values [scene->nlive], as if every channel had sent a message for the next step
+// and, unless others arrive, for each one after it. With `kept` they are those of a run that was
+// interrupted, and inputs that wait go on to do so. With NULL another run begins: the next step is
+// the first one, and the values are the scene's first ones.
+void pm_live_inputs_set(pm_live_inputs *live, const double *values, bool kept);
 
 // Looks at the clock: `now` is the present time (s, monotonic). PM_ETIMEOUT: a program that has
 // sent values before has been silent for longer than the input's `age`. PM_EDATA: the recording

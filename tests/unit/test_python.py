@@ -355,6 +355,20 @@ class Listening(unittest.TestCase):
             self.assertEqual(service.wait(), 0)
             folder.cleanup()
 
+    def test_remote_inputs_hold(self):
+        path, velocity = "configs/live_double_pendulum.yaml", (0.3, -0.1)
+        service = subprocess.Popen(["portmetd", "serve", path], stderr=subprocess.DEVNULL)
+        try:
+            scene = portmet.Scene(path)
+            scene.inputs[scene.input_columns("pivot.dE/dp")] = velocity
+            with portmet.Remote("live_double_pendulum") as remote:
+                remote.inputs[:] = velocity  # the scene waits for a message for each step
+                for count in 3, 1, 1:
+                    self.assertTrue((remote.step(count).state == scene.step(count).state).all())
+        finally:
+            service.terminate()
+            self.assertEqual(service.wait(), 0)
+
     def test_remote_with_key(self):
         with tempfile.TemporaryDirectory() as folder:
             path, key = os.path.join(folder, "keyed.yaml"), os.path.join(folder, "key")
