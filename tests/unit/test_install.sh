@@ -16,6 +16,15 @@ for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/m
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
+# No page that is installed links to what is not.
+doc=$prefix/share/doc/portmet
+find "$doc" -name '*.md' | while read -r page; do
+    grep -oE '\]\([^)# ]+' "$page" | cut -c3- | grep -v '://' | while read -r link; do
+        [ -e "$(dirname "$page")/$link" ] || echo "${page#"$doc/"}: $link"
+    done
+done >"$folder/dead"
+[ -s "$folder/dead" ] && fail "dead links of installed pages: $(cat "$folder/dead")"
+
 # The help of each command has examples, whose options the command knows; the manual page is made of them.
 for program in portmetd portmet-train; do
     for command in $("$prefix/bin/$program" --help | sed -nE 's/^  ([a-z]+) .*/\1/p'); do

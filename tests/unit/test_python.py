@@ -233,6 +233,12 @@ class Files(unittest.TestCase):
                 self.assertAlmostEqual(errors[0], apart / numpy.linalg.norm(found.truth[0][:, columns]), delta=1e-12)
             self.assertIn("steps in violation: 0 of 199", str(found))
             self.assertEqual((list(data)[0], "q1x" in data, "q9" in data), (data.columns[0], True, False))
+            tables = [os.path.join(folder, name) for name in ("a.csv", "b.csv")]
+            for table in tables:
+                numpy.savetxt(table, numpy.column_stack((data.t, data.z[0])), delimiter=",", comments="",
+                              fmt="%.17g", header=",".join(["t", *data.columns]))
+            scores = portmet.evaluate("configs/double_pendulum.yaml", data=tables).errors
+            self.assertEqual(scores["q"].tolist(), 2 * [found.errors["q"][0]])
 
     def test_ranges_of_columns(self):
         data = portmet.Dataset("configs/reference/beam_solid.h5")

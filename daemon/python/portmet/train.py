@@ -207,10 +207,10 @@ def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
         return json.loads(_run("evaluate", scene, *_options({"data": data, "json": True, **options}))[1])
     with tempfile.TemporaryDirectory() as folder:
         several = data if isinstance(data, (list, tuple)) else [data]
-        given = several[0] if len(several) == 1 else ""
+        given = several[0]
         try:
-            truth = Dataset(given)
-        except (OSError, KeyError):  # tables
+            truth = Dataset(given if len(several) == 1 else "")
+        except Error:  # tables
             given = os.path.join(folder, "data.h5")
             import_tables(data, given)
             truth = Dataset(given)
