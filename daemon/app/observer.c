@@ -217,7 +217,7 @@ static void print_report(const pm_report *report, const pm_ledger *ledger, const
         const char *name = setup->columns.group_name[i];
         const double score = pm_score_of(&report->score[i]);
         if (report->score[i].norm > 0) {
-            printf("  %-16s %8.3f %%\n", name, 100 * score);
+            printf("  %-16s %8.3g %%\n", name, 100 * score);
         } else {
             printf("  %-16s %8.3g, where the reference is zero\n", name, score);
         }

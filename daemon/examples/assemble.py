@@ -43,7 +43,7 @@ chain = portmet.Scene(scene("chain", [f"weights: learned/m{min(i, 1)}.h5" for i 
 start = np.random.default_rng(2).uniform(-1, 1, 12)
 true = follow(portmet.Scene(scene("true_chain", ["model: true"] * 6)), start, 200)
 error = np.linalg.norm(follow(chain, start, 200) - true) / np.linalg.norm(true)
-print(f"six masses that were never seen together: {100 * error:.3f} %", chain.ledger, sep="\n")
+print(f"six masses that were never seen together: {100 * error:.2g} %", chain.ledger, sep="\n")
 if picture:   # with gnuplot
     np.savetxt("six.txt", np.column_stack([true[:, 10], follow(chain, start, 200)[:, 10]]))
     subprocess.run(["gnuplot", "-e", f"set term pngcairo; set out '{picture}'; set xlabel 'time, s'; set ylabel 'q of the last, m'; "

@@ -171,7 +171,7 @@ if command -v h5ls > /dev/null; then
         fail "every fifth state is not recorded"
     [ "$(h5ls "$folder/many.h5/subsystems" | wc -l)" -eq 2 ] || fail "other parts are recorded"
 fi
-succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5"
+succeed "  q                       0 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
 succeed "of 1 copies, 0 of which" run "$scene" --starts "$folder/reference.h5" --steps 4 --record "$folder/copies.h5"
 succeed "left.q[0]" run "$scene" --copies 1 --starts "$folder/copies.h5" --steps 2
@@ -182,9 +182,9 @@ expect 2 "--copies" run "$scene" --copies 2 --held
 expect 2 "--held for clients" run "$scene" --in-process --held
 expect 2 "--copies" run "$scene" --copies 0
 export XDG_CACHE_HOME="$folder/cache"
-succeed "0.000 %" run "$scene" --in-process --compiled
+succeed "  q                       0 %" run "$scene" --in-process --compiled
 CC=/nowhere/cc expect 4 "the C compiler /nowhere/cc" run "$scene" --in-process --compiled
-succeed "0.000 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
+succeed "  q                       0 %" run "$scene" --in-process --record "$folder/run.h5" # an earlier recording is replaced
 
 # An integrator that iterates, where springs are a hundred times too hot for its step: a step that does not converge is
 # divided, and no step is wrong. Where springs are hotter still, the run ends with the step before, and says why.
@@ -200,7 +200,7 @@ grep -q "steps in violation: 0;" "$folder/out" || fail "hot.yaml: the step befor
 echo "a letter" >"$folder/letter"
 expect 4 "$folder/letter: this file exists and is of another kind" run "$scene" --in-process --record "$folder/letter"
 grep -q "a letter" "$folder/letter" || fail "the letter was overwritten"
-succeed "0.000 %" run "$scene" --in-process --record "$folder/letter" --overwrite
+succeed "  q                       0 %" run "$scene" --in-process --record "$folder/letter" --overwrite
 grep -q "a letter" "$folder/letter" && fail "the letter was not overwritten"
 ln -s "$scene" "$folder/link"
 for input in "$scene" "$folder/link" $(sed -n "s|.*\(weights\|reference\): *\([^ ,}]*\).*|$folder/\2|p" "$scene" | sort -u); do

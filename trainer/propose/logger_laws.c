@@ -193,7 +193,7 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     static const char *const names[] = {"linear", "rising", "falling"};
     if (y->free_scale) {
         fprintf(w->model,
-                "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is 1 J/K\n", T,
+                "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is about 1 J/K\n", T,
                 T, T0, T);
     } else {
         pm_logger_constant(w, "capacity", T, y->inertia);
