@@ -18,7 +18,7 @@
 #include "base/reproducible_sum.h"
 #include "store/hdf5_io.h"
 
-#define FLUSH_SECONDS 1.0 // of samples that a killed run may lose
+#define FLUSH_SECONDS 1.0     // of samples that a killed run may lose
 #define BLOCK 256             // most samples in a buffer and in a chunk of the file
 #define CHUNK 131072          // most numbers of a chunk: large states have fewer samples in it
 #define MOST_BUFFERED 8388608 // numbers in all buffers, unless a single sample has more
@@ -305,7 +305,6 @@ static pm_status check_folder(const char *path) {
     free(folder);
     return status;
 }
-
 
 pm_status pm_recording_check(const char *path, bool overwrite) {
     struct stat there;

@@ -293,8 +293,8 @@ pm_status pm_weights_load(const char *path, pm_arena *arena, pm_component compon
     PM_TRY_DONE(status == PM_EFILE ? pm_fail(PM_EWEIGHTS, "weights %s", pm_error()) : status);
     PM_TRY_DONE(pm_hdf5_read_text(file, "/", "format", arena, &text));
     if (strcmp(text, PM_FILES_WEIGHTS) != 0) {
-        PM_TRY_DONE(
-            pm_fail(PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" PM_FILES_WEIGHTS "\"", path, text));
+        PM_TRY_DONE(pm_fail(
+            PM_EWEIGHTS, "%s: format is \"%.40s\", expected \"" PM_FILES_WEIGHTS "\"", path, text));
     }
     PM_TRY_DONE(pm_hdf5_read_integer(file, "/", "version", &version));
     if (version != VERSION) {

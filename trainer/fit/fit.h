@@ -21,10 +21,10 @@ typedef struct pm_fit_effort {
     int samples;               // at most so many samples in a batch
     int iterations; // at most so many in each stage; measurements: steps of the continuation in all
     int stages;     // at most so many
-    // Measurements: of CPU time on a nominal machine (PM_SHOOTING_SPEED), after which it ends; 0: no
-    // limit.
+    // Measurements: of CPU time on a nominal machine (PM_SHOOTING_SPEED), after which it ends; 0:
+    // no limit.
     double seconds;
-    bool whole;     // measurements: it begins with whole trajectories, since weights are good
+    bool whole; // measurements: it begins with whole trajectories, since weights are good
 } pm_fit_effort;
 
 #define PM_FIT_SCORED_GROUPS 64

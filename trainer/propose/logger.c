@@ -284,22 +284,21 @@ static pm_status try_guesses(hidden_search *s, int from) {
     return PM_OK;
 }
 
-// Adds the best guesses so far with another one for the columns that are like column c, or for it
-// alone.
-static void add_guess(hidden_search *s, int c, pm_logger_guess guess, bool alike) {
+// Adds the best guesses so far with another one for a column, by its identifier, or also for the
+// variables that are like it.
+static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_unit *alike) {
     if (s->count == MOST_TRIALS) {
         return;
     }
-    const pm_logger_column *column = &s->first.column[c];
     pm_logger_guess *own = s->guess[s->count];
     memcpy(own, s->guess[s->best], sizeof s->guess[0]);
     memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
-    for (int j = 0; j < s->first.nvariable; ++j) {
+    for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
-        const bool same =
-            j == c || (alike && pm_unit_equal(&other->dimension, &column->dimension) &&
-                       other->id >= 0 && other->nother > 0);
-        if (same) {
+        const bool same = alike != NULL && j < s->first.nvariable &&
+                          pm_unit_equal(&other->dimension, alike) && other->id >= 0 &&
+                          other->nother > 0;
+        if (same || other->id == id) {
             own[other->id] = guess;
         }
     }
@@ -357,6 +356,34 @@ static pm_status find_laws(hidden_search *s) {
     return PM_OK;
 }
 
+// Tries what inputs may set, the best of all again and again.
+static pm_status find_inputs(hidden_search *s) {
+    for (int before = -1; s->best != before && !is_over(s);) {
+        const int from = s->count;
+        before = s->best;
+        pm_logger_hints hints = *s->hints;
+        pm_logger_view view;
+        hints.guess = s->guess[s->best];
+        PM_TRY(pm_logger_look(&view, s->dataset, &hints));
+        for (int u = view.nvariable; u < view.ncolumn; ++u) {
+            const pm_logger_column *input = &view.column[u];
+            int one, other;
+            for (int i = 0; i < input->nother && input->guess == PM_LOGGER_AS_FOUND; ++i) {
+                add_guess(s, input->id, input->other[i], NULL);
+            }
+            if (input->guess != PM_LOGGER_AS_FOUND) {
+                add_guess(s, input->id, PM_LOGGER_AS_FOUND, NULL);
+            }
+            if (pm_logger_split(input->guess, &one, &other) == PM_LOGGER_OPENS) {
+                add_guess(s, input->id, pm_logger_join(PM_LOGGER_OPENS_ALONE, one, other), NULL);
+            }
+        }
+        pm_logger_view_free(&view);
+        PM_TRY(try_guesses(s, from));
+    }
+    return PM_OK;
+}
+
 // Columns are grouped by what may be hidden behind them.
 typedef enum column_group { UNPLACED, MOVING, SEEN, THERMAL } column_group;
 
@@ -377,7 +404,8 @@ static pm_status find_columns(hidden_search *s, column_group group) {
                                                                                  : UNPLACED;
                 // A trial of a larger guess than one that has not ended would not end either.
                 if (own == group && !(hides && s->short_of_time)) {
-                    add_guess(s, c, column->other[i], alike == 1);
+                    add_guess(s, column->id, column->other[i],
+                              alike == 1 ? &column->dimension : NULL);
                 }
             }
             PM_TRY(try_guesses(s, from));
@@ -390,6 +418,10 @@ static pm_status find_columns(hidden_search *s, column_group group) {
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
     const pm_logger_view *v = &s->first;
+    for (int u = v->nvariable; u < v->ncolumn; ++u) {
+        s->guess[0][v->column[u].id] =
+            v->column[u].clear ? v->column[u].other[0] : PM_LOGGER_AS_FOUND;
+    }
     if (!pm_logger_is_measured(v)) {
         // Complete states without noise are fitted by single steps.
         s->count = 1;
@@ -409,6 +441,7 @@ static pm_status find_hidden(hidden_search *s) {
     // A hidden variable that is missing leaves a large error, and a law that is not quite right
     // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
     // comes last.
+    PM_TRY(find_inputs(s));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
@@ -420,6 +453,15 @@ static pm_status find_hidden(hidden_search *s) {
         }
     }
     return find_columns(s, THERMAL);
+}
+
+// Returns the name of the column of this identifier.
+static const char *name_of(const pm_logger_view *v, int id) {
+    const char *name = "";
+    for (int c = 0; c < v->ncolumn; ++c) {
+        name = v->column[c].id == id ? v->column[c].name : name;
+    }
+    return name;
 }
 
 // Writes what was tried, as lines of a comment.
@@ -443,11 +485,21 @@ static void print_trials(const hidden_search *s, FILE *f) {
     for (int i = 0; i < s->count; ++i) {
         bool any = false;
         fprintf(f, "# %s ", i == s->best ? "*" : "-");
-        for (int c = 0; c < s->first.nvariable; ++c) {
+        for (int c = 0; c < s->first.ncolumn; ++c) {
             const pm_logger_column *column = &s->first.column[c];
-            if (column->id >= 0 && s->guess[i][column->id] != PM_LOGGER_AS_FOUND) {
-                fprintf(f, "%s%s: %s", any ? "; " : "", column->name,
-                        guess[s->guess[i][column->id]]);
+            const pm_logger_guess own =
+                column->id >= 0 ? s->guess[i][column->id] : PM_LOGGER_AS_FOUND;
+            int one, other;
+            if (own >= PM_LOGGER_PAIRS) {
+                const pm_logger_guess kind = pm_logger_split(own, &one, &other);
+                fprintf(f,
+                        kind == PM_LOGGER_ENTERS ? "%s%s: with it %s enters %s%s"
+                                                 : "%s%s: acts between %s and %s%s",
+                        any ? "; " : "", column->name, name_of(&s->first, one),
+                        name_of(&s->first, other), kind == PM_LOGGER_OPENS_ALONE ? " alone" : "");
+                any = true;
+            } else if (own != PM_LOGGER_AS_FOUND) {
+                fprintf(f, "%s%s: %s", any ? "; " : "", column->name, guess[own]);
                 any = true;
             }
         }

@@ -60,7 +60,7 @@ static bool falls(const pm_logger_view *v, int part) {
 static bool pushed(const pm_logger_view *v, int part) {
     bool some = false;
     for (int c = 0; c < v->nvariable; ++c) {
-        some = some || (v->pushes[c] && (part < 0 || v->column[c].part == part));
+        some = some || ((v->pushes[c] || v->leaks[c]) && (part < 0 || v->column[c].part == part));
     }
     return some;
 }
@@ -79,10 +79,12 @@ static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_e
 }
 
 // Returns true if heat leaves through an input: it acts through a resistance, opens one between two
-// co-energies, or cools. *bath, unless it is NULL, receives the temperature at which it leaves.
-static bool takes_heat(const pm_logger_view *v, int input, int part, double *bath) {
+// co-energies, or cools. *bath, unless it is NULL, receives the temperature at which it leaves, as
+// the scene has it.
+static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[PM_LOGGER_TEXT]) {
     bool takes = has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_COOLS);
     double T = v->bath;
+    int enters = 0;
     for (int k = 0; k < v->nconverter; ++k) {
         const pm_logger_converter *c = &v->converter[k];
         takes = takes ||
@@ -90,10 +92,16 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, double *bat
     }
     for (int a = 0; a < v->naction; ++a) {
         const pm_logger_action *action = &v->action[a];
-        T = action->input == input && action->effect == PM_LOGGER_COOLS ? action->bath : T;
+        if (action->input == input && action->effect == PM_LOGGER_COOLS) {
+            T = action->bath;
+            enters = action->enters > 0 ? action->enters : enters;
+        }
     }
-    if (bath != NULL) {
-        *bath = T;
+    if (bath != NULL && enters > 0) {
+        snprintf(bath, PM_LOGGER_TEXT, "[\"%.80s\"], hold: %s", v->column[enters].source,
+                 v->column[enters].held ? "previous" : "smooth");
+    } else if (bath != NULL) {
+        snprintf(bath, PM_LOGGER_TEXT, "[%.6g]", takes ? T : 0.0);
     }
     return takes;
 }
@@ -361,12 +369,12 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             fprintf(f, "  %s_source: {s: {unit: J/K, dE: [\"%s\"], dS: [1], hold: %s}}\n",
                     input->name, input->source, hold);
         } else if (acts) {
-            double bath;
-            const bool through = takes_heat(v, u, -1, &bath);
+            char bath[PM_LOGGER_TEXT];
+            const bool through = takes_heat(v, u, -1, bath);
             fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"]%s, hold: %s}\n",
                     input->name, unit, input->source, through ? ", dS: [0]" : "", hold);
             if (strlen(groups) > 1) {
-                fprintf(f, "    s: {unit: J/K, dE: [%.6g], dS: [1]}\n", through ? bath : 0.0);
+                fprintf(f, "    s: {unit: J/K, dE: %s, dS: [1]}\n", bath);
             }
         }
     }
@@ -733,7 +741,9 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             const bool loses_some = action->effect == PM_LOGGER_BATH ||
                                     action->effect == PM_LOGGER_THROUGH ||
                                     action->effect == PM_LOGGER_COOLS;
-            if (action->input != input || y->part != part || loses_some != lossy) {
+            const bool shifts = action->effect == PM_LOGGER_COOLS && action->enters == 0;
+            if (action->input != input || y->part != part ||
+                (loses_some != lossy && !(shifts && !lossy))) {
                 continue;
             }
             snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
@@ -741,6 +751,10 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
             fputs(some ? ", " : first, w->model);
             some = true;
+            if (shifts && !lossy) {
+                pm_logger_write_shift(w, both, y->name, action->gain);
+                continue;
+            }
             char power[4 * PM_LOGGER_LONG_TEXT] = "";
             if (action->effect == PM_LOGGER_WARMS) {
                 pm_logger_write_power(w, power, sizeof power, both, action);
@@ -789,14 +803,26 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 if (lossy) {
                     const pm_logger_column *opening = &v->column[input];
                     const double mean = fmax(fabs(opening->mean), opening->deviation);
-                    snprintf(drop, sizeof drop, "a.%.40s - a.%.40s", one->name, other->name);
-                    fprintf(w->model, "%s[a.%s, a.%s, \"", some ? ", " : first, one->name,
-                            other->name);
-                    pm_logger_write_resistance(
-                        w, both, drop, one, other,
-                        one->inertia * fabs(v->coupling[turn->one][turn->other]) / mean, opening);
-                    fputs("\"]", w->model);
+                    const double start = one->inertia *
+                                         fmax(fabs(v->coupling[turn->one][turn->other]),
+                                              SMALL * SMALL * v->fastest) /
+                                         mean;
+                    fputs(some ? ", " : first, w->model);
                     some = true;
+                    if (one->kind == PM_LOGGER_TEMPERATURE) {
+                        char end[4][PM_LOGGER_TEXT];
+                        for (int n = 0; n < 4; ++n) {
+                            snprintf(end[n], sizeof end[n], n < 2 ? "a.%.40s" : "a.dE.%.40s",
+                                     n % 2 == 0 ? one->name : other->name);
+                        }
+                        pm_logger_write_conduction(w, both, end[0], end[1], end[2], end[3], start,
+                                                   opening);
+                        continue;
+                    }
+                    snprintf(drop, sizeof drop, "a.%.40s - a.%.40s", one->name, other->name);
+                    fprintf(w->model, "[a.%s, a.%s, \"", one->name, other->name);
+                    pm_logger_write_resistance(w, both, drop, one, other, start, opening);
+                    fputs("\"]", w->model);
                     continue;
                 }
                 fprintf(w->model, "%s[a.%s, a.%s, \"%s*b.dE.x\"]", some ? ", " : first, one->name,
@@ -829,7 +855,7 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
         }
         for (int i = 0, n = 0; i < count && count > 1; ++i) {
             if (i != chosen[k]) {
-                fprintf(w.f, "%s %s", n++ > 0 ? "," : "", alternative[i]);
+                fprintf(w.f, "%s %s", n++ > 0 ? ";" : "", alternative[i]);
             }
         }
         fputs(count > 1 ? "\n" : "", w.f);

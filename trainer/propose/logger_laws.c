@@ -192,9 +192,10 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     const double power[] = {1, LEAST_POWER + T0 / width, -LEAST_POWER - T0 / width};
     static const char *const names[] = {"linear", "rising", "falling"};
     if (y->free_scale) {
-        fprintf(w->model,
-                "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is about 1 J/K\n", T,
-                T, T0, T);
+        fprintf(
+            w->model,
+            "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is about 1 J/K\n",
+            T, T, T0, T);
     } else {
         pm_logger_constant(w, "capacity", T, y->inertia);
         fprintf(w->model, "      - \"capacity_%s*(%s*ln(%s/%.6g) - %s)\"\n", T, T, T, T0, T);
@@ -1288,6 +1289,14 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
     return text;
 }
 
+void pm_logger_write_shift(pm_logger_writer *w, const char *name, const char *T,
+                           double conductance) {
+    char power[PM_LOGGER_TEXT];
+    snprintf(power, sizeof power, "%s/a.dE.%.40s",
+             pm_logger_number(w, "shift", name, 0, conductance), T);
+    fprintf(w->model, "[a.%s, b.x, \"%s\"], [b.s, b.x, \"-%s\"]", T, power, power);
+}
+
 void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
     static const char *const first = "    reversible: {given: [";
     const pm_logger_view *v = w->v;
@@ -1301,6 +1310,11 @@ void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls) {
                                      h->source == NULL ? 0 : h->inertia * h->constant,
                                      pm_logger_rate(w, h)));
             some = true;
+        }
+        if (h->part == part && v->leaks[i]) {
+            fputs(some ? ", " : first, w->model);
+            some = true;
+            pm_logger_write_shift(w, h->name, h->name, h->inertia * v->leak[i]);
         }
         if (!falls || !pm_logger_is(v, i, part, PM_LOGGER_LEVEL)) {
             continue;

@@ -29,6 +29,9 @@
 #define SPRING 1e-3      // of the changes of a velocity that another position explains, by a spring
 #define LEVERS_AGREE 0.1 // relative difference of two levers that are the same
 #define PUSHES 0.1       // of the root mean square rate: a constant rate that is smaller is none
+#define LIKELY 2         // guesses about an input that are tried
+#define LITTLE 0.02      // of the changes: where hardly more is unexplained, nothing is worth much
+#define CLEAR 0.4        // of what is unexplained: a guess about an input that is tried first
 
 // A factor of a term.
 typedef enum atom_kind {
@@ -41,6 +44,7 @@ typedef enum atom_kind {
     SINE,
     COSINE,
     APART, // from another column
+    ROOT,  // of the distance from another column, with its sign
     NEAR,  // inverse square of the distance from the centre of two lengths
     ORBIT  // angular velocity about it
 } atom_kind;
@@ -83,6 +87,10 @@ static double value_of(const pm_logger_view *v, const double *row, const double 
         return y * y;
     case APART:
         return (raw - row[a.other]) / size;
+    case ROOT: {
+        const double apart = (raw - row[a.other]) / size;
+        return copysign(sqrt(fabs(apart)), apart);
+    }
     case NEAR:
         return size * size / (raw * raw + row[a.other] * row[a.other]);
     case ORBIT:
@@ -207,13 +215,20 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
             }
             equations *e = i % KEPT_BACK == KEPT_BACK - 1 ? judge : learn;
             for (int t = 0; t < e->n && whole; ++t) {
-                for (int u = 0; u < e->n; ++u) {
+                for (int u = 0; u <= t; ++u) {
                     e->matrix[t][u] += x[t] * x[u];
                 }
                 e->right[t] += x[t] * change;
             }
             e->square += whole ? change * change : 0;
             e->count += whole;
+        }
+    }
+    for (int k = 0; k < 2; ++k) {
+        for (int t = 0; t < learn->n; ++t) {
+            for (int u = t + 1; u < learn->n; ++u) {
+                learn[k].matrix[t][u] = learn[k].matrix[u][t];
+            }
         }
     }
 }
@@ -810,6 +825,163 @@ static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, e
     }
 }
 
+// Adds what coolants do to temperature i.
+static void add_coolants(const pm_logger_view *v, term_list *list, int i) {
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        if (action->target == i && action->effect == PM_LOGGER_COOLS) {
+            add_term(list, action->input, VALUE, i, AWAY);
+            if (action->enters > 0) {
+                add_term(list, action->input, VALUE, action->enters, AWAY);
+            }
+        }
+    }
+}
+
+// Returns which part of what is unexplained of variable i the terms explain; 0: hardly any.
+static double worth_of(const pm_logger_samples *w, int i, const term_list *list, int known,
+                       equations *work, double *x) {
+    const double gain = gain_of(w, i, list, known, work, x);
+    return gain > GAINS ? gain / (work->rest + LITTLE) : 0;
+}
+
+// Returns how much an exchange between variables i and j, as strong as input u says, explains of i.
+static double opening_of(const pm_logger_samples *w, int u, int i, int j, equations *work) {
+    const pm_logger_view *v = w->view;
+    const atom opening = {.column = u, .kind = VALUE};
+    term_list list = {0};
+    add_coolants(v, &list, i);
+    const int known = list.count;
+    if (!pm_unit_equal(&v->column[i].dimension, &v->column[j].dimension)) {
+        add_term(&list, u, VALUE, j, VALUE);
+    } else if (list.count + 2 < MOST) {
+        list.item[list.count++] = (regressor){{opening, {.column = i, .kind = APART, .other = j}}};
+        list.item[list.count++] = (regressor){{opening, {.column = i, .kind = ROOT, .other = j}}};
+    }
+    return worth_of(w, i, &list, known, work, NULL);
+}
+
+// Returns how much of temperature i a flow u explains that enters with the temperature T, another
+// input. *slope receives how fast it does, 1/s per unit of the flow.
+static double entering_of(const pm_logger_samples *w, int u, int T, int i, equations *work,
+                          double *slope) {
+    const pm_logger_view *v = w->view;
+    const pm_logger_column *flow = &v->column[u];
+    term_list list = {0};
+    double x[MOST] = {0};
+    add_term(&list, u, VALUE, i, AWAY);
+    add_term(&list, u, VALUE, T, AWAY);
+    const double worth = worth_of(w, i, &list, 1, work, x);
+    *slope =
+        x[work->n - 1] / (v->column[T].deviation * fmax(fabs(flow->least), fabs(flow->largest)));
+    return *slope > 0 ? worth : 0;
+}
+
+// Returns true if an input may set how strongly the two exchange something: two of one kind, or
+// what it turns into each other.
+static bool may_open(const pm_logger_view *v, int u, int i, int j) {
+    const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+    const bool same = pm_unit_equal(&a->dimension, &b->dimension);
+    const bool flows = a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW;
+    const bool kinds = flows ? a->mate < 0 && b->mate < 0
+                             : same && a->kind == b->kind &&
+                                   (a->kind == PM_LOGGER_TEMPERATURE || a->kind == PM_LOGGER_LEVEL);
+    bool known = false;
+    for (int k = 0; k < v->nconverter; ++k) {
+        const pm_logger_converter *c = &v->converter[k];
+        known = known || (c->input == u && c->one == i && c->other == j);
+    }
+    return kinds && !known && a->part == b->part && a->source != NULL && b->source != NULL &&
+           (!same || v->column[u].least >= 0);
+}
+
+// Returns the variable or input of this identifier.
+static int column_of(const pm_logger_view *v, int id) {
+    int found = 0;
+    for (int c = 0; c < v->ncolumn; ++c) {
+        found = v->column[c].id == id ? c : found;
+    }
+    return found;
+}
+
+// Does what guesses about inputs say.
+static void take_guesses(const pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    for (int u = v->nvariable; u < v->ncolumn; ++u) {
+        int one, other;
+        const pm_logger_guess guess = pm_logger_split(v->column[u].guess, &one, &other);
+        one = column_of(v, one), other = column_of(v, other);
+        if (guess == PM_LOGGER_ENTERS) {
+            double slope;
+            int at = v->naction;
+            (void)entering_of(w, one, u, other, work, &slope);
+            for (int a = 0; a < v->naction; ++a) {
+                at = v->action[a].input == one && v->action[a].target == other ? a : at;
+            }
+            v->naction += at == v->naction && at < PM_LOGGER_ACTIONS;
+            v->action[at < PM_LOGGER_ACTIONS ? at : 0] =
+                (pm_logger_action){.input = one,
+                                   .target = other,
+                                   .effect = PM_LOGGER_COOLS,
+                                   .gain = v->column[other].inertia * slope,
+                                   .enters = u};
+            int kept = 0; // it is no bath of its own
+            for (int a = 0; a < v->naction; ++a) {
+                if (v->action[a].input != u || v->action[a].target != other) {
+                    v->action[kept++] = v->action[a];
+                }
+            }
+            v->naction = kept;
+        } else if (guess != PM_LOGGER_AS_FOUND && v->nconverter < PM_LOGGER_ACTIONS) {
+            v->converter[v->nconverter++] = (pm_logger_converter){
+                u, one, other,
+                pm_unit_equal(&v->column[one].dimension, &v->column[other].dimension),
+                guess == PM_LOGGER_OPENS_ALONE};
+        }
+    }
+}
+
+// Offers to trials what inputs may set, the likeliest of each: regressions rank it, and trials
+// decide, since capacities that vary hide it.
+static void offer_openings(const pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    const pm_unit kelvin = pm_unit_parse("K");
+    for (int u = v->nvariable; u < v->ncolumn; ++u) {
+        pm_logger_column *input = &v->column[u];
+        double worth[LIKELY + 1] = {0};
+        pm_logger_guess guess[LIKELY + 1];
+        const bool warm = pm_unit_equal(&input->dimension, &kelvin);
+        for (int i = 0; i < v->nvariable; ++i) {
+            for (int j = warm ? v->nvariable : i + 1; j < (warm ? v->ncolumn : v->nvariable); ++j) {
+                const pm_logger_column *other = &v->column[j];
+                double slope;
+                if (!warm && may_open(v, u, i, j)) {
+                    worth[LIKELY] =
+                        fmax(opening_of(w, u, i, j, work), opening_of(w, u, j, i, work));
+                    guess[LIKELY] = pm_logger_join(PM_LOGGER_OPENS, v->column[i].id, other->id);
+                } else if (warm && v->column[i].kind == PM_LOGGER_TEMPERATURE &&
+                           v->column[i].source != NULL && other->least >= 0 &&
+                           !pm_unit_equal(&other->dimension, &kelvin)) {
+                    worth[LIKELY] = entering_of(w, j, u, i, work, &slope);
+                    guess[LIKELY] = pm_logger_join(PM_LOGGER_ENTERS, other->id, v->column[i].id);
+                } else {
+                    continue;
+                }
+                for (int k = LIKELY; k > 0 && worth[k] > worth[k - 1]; --k) {
+                    const double more = worth[k];
+                    const pm_logger_guess better = guess[k];
+                    worth[k] = worth[k - 1], guess[k] = guess[k - 1];
+                    worth[k - 1] = more, guess[k - 1] = better;
+                }
+            }
+        }
+        for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
+            input->other[input->nother++] = guess[k];
+        }
+        input->clear = worth[0] > CLEAR;
+    }
+}
+
 // A cell heats the temperature of its part that the square of its current explains best. The power
 // of its resistance is known, so that this gives the scale of all capacities, where nothing has
 // given it.
@@ -1144,7 +1316,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                     converts(w, u, i, j, work, &one) && converts(w, u, j, i, work, &both)) {
                     const bool loses = one && both && v->column[u].least >= 0 &&
                                        pm_unit_equal(&y->dimension, &other->dimension);
-                    v->converter[v->nconverter++] = (pm_logger_converter){u, i, j, loses};
+                    v->converter[v->nconverter++] = (pm_logger_converter){u, i, j, loses, loses};
                 }
             }
         }
@@ -1189,14 +1361,18 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             v->warms[i][warmest] = true;
         }
     }
+    take_guesses(w, work);
     // What moves two co-energies through a throttle does not move each of them by itself.
     int kept = 0;
     for (int a = 0; a < v->naction; ++a) {
         const pm_logger_action *action = &v->action[a];
+        const bool learned = action->effect == PM_LOGGER_GAIN ||
+                             action->effect == PM_LOGGER_WARMS ||
+                             (action->effect == PM_LOGGER_COOLS && action->enters == 0);
         bool throttled = false;
-        for (int k = 0; k < v->nconverter && action->effect == PM_LOGGER_GAIN; ++k) {
+        for (int k = 0; k < v->nconverter && learned; ++k) {
             const pm_logger_converter *c = &v->converter[k];
-            throttled = throttled || (c->loses && c->input == action->input &&
+            throttled = throttled || (c->alone && c->input == action->input &&
                                       (c->one == action->target || c->other == action->target));
         }
         if (!throttled) {
@@ -1204,5 +1380,6 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
         }
     }
     v->naction = kept;
+    offer_openings(w, work);
     return PM_OK;
 }

@@ -1346,6 +1346,9 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     find_actions(view);
     find_scales(&w);
     find_exchange(view);
+    for (int u = view->nvariable; u < view->ncolumn && hints->guess != NULL; ++u) {
+        view->column[u].guess = hints->guess[view->column[u].id];
+    }
     PM_TRY_DONE(pm_logger_find_terms(&w));
     PM_TRY_DONE(pm_logger_find_reactions(&w));
     offer_heat(view);

@@ -38,6 +38,7 @@ typedef enum pm_logger_kind {
 } pm_logger_kind;
 
 // What a measured variable may be, beside what its unit and regressions say.
+#define PM_LOGGER_PAIRS (PM_LOGGER_COLUMNS * PM_LOGGER_COLUMNS)
 typedef enum pm_logger_guess {
     PM_LOGGER_AS_FOUND, // what units and regressions say first
     PM_LOGGER_COMPLETE, // nothing is hidden behind it
@@ -53,8 +54,25 @@ typedef enum pm_logger_guess {
     PM_LOGGER_CELL,
     PM_LOGGER_CELL_1,
     PM_LOGGER_CELL_2,
-    PM_LOGGER_NGUESS
+    PM_LOGGER_NGUESS,
+    // An input that sets how strongly two variables exchange something (pm_logger_converter), with
+    // what it does as found beside that, or alone; and a temperature with which the flow of another
+    // input enters a variable. The two columns are told by pm_logger_join.
+    PM_LOGGER_OPENS = PM_LOGGER_PAIRS,
+    PM_LOGGER_OPENS_ALONE = 2 * PM_LOGGER_PAIRS,
+    PM_LOGGER_ENTERS = 3 * PM_LOGGER_PAIRS
 } pm_logger_guess;
+
+// Joins a guess about an input with the identifiers of two columns, and takes it apart.
+static inline pm_logger_guess pm_logger_join(pm_logger_guess guess, int one, int other) {
+    return (pm_logger_guess)((int)guess + one * PM_LOGGER_COLUMNS + other);
+}
+static inline pm_logger_guess pm_logger_split(pm_logger_guess guess, int *one, int *other) {
+    const int pair = (int)guess % PM_LOGGER_PAIRS;
+    *one = pair / PM_LOGGER_COLUMNS;
+    *other = pair % PM_LOGGER_COLUMNS;
+    return (pm_logger_guess)((int)guess - pair);
+}
 
 // Returns true if a guess adds a hidden variable.
 static inline bool pm_logger_hides(pm_logger_guess guess) {
@@ -78,8 +96,11 @@ typedef struct pm_logger_column {
     int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
     int part;            // of variables; -1: an input
     pm_logger_guess guess; // of measured variables
-    int nother;            // what else a variable may be, in the order in which it is believed
+    // What else a variable may be, or an input do, in the order in which it is believed, and
+    // whether the first is tried first.
+    int nother;
     pm_logger_guess other[PM_LOGGER_NGUESS];
+    bool clear;
     bool held;                              // inputs: a staircase, or no smooth function
     double least, largest, mean, deviation; // in its unit
     double noise;                           // standard deviation of white noise; 0: none is seen
@@ -126,6 +147,7 @@ typedef struct pm_logger_action {
     bool lever;  // of PM_LOGGER_GAIN: the factor depends on positions
     bool valve;  // likewise: it depends on the target and on the size of the input
     double bath; // K, of PM_LOGGER_COOLS
+    int enters;  // likewise: the input that is this temperature; 0: it is `bath`
 } pm_logger_action;
 
 // An input whose product with one co-energy moves another one, and the other way round: without
@@ -133,6 +155,7 @@ typedef struct pm_logger_action {
 typedef struct pm_logger_converter {
     int input, one, other;
     bool loses;
+    bool alone; // the input does nothing else to the two
 } pm_logger_converter;
 
 // A term of the rate of a position: a velocity, times a factor, times a function of positions, as
