@@ -606,13 +606,42 @@ pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
     return PM_OK;
 }
 
+// Adds products of a factor with all positions of a part, or with angles alone.
+static void add_positions(const pm_logger_view *v, term_list *list, int part, int column,
+                          atom_kind kind, bool lengths) {
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *c = &v->column[q];
+        if (c->kind != PM_LOGGER_POSITION || c->part != part) {
+            continue;
+        }
+        if (c->angle) {
+            add_angle(list, column, kind, q, 1, FEWEST_HARMONICS);
+        } else if (lengths) {
+            add_term(list, column, kind, q, VALUE);
+            add_term(list, column, kind, q, SQUARE);
+        }
+    }
+}
+
+// Adds squares of the velocities of a part, times functions of its positions: what moves velocities
+// where inertias depend on positions.
+static void add_squares(const pm_logger_view *v, term_list *list, int part) {
+    for (int j = 0; j < v->nvariable; ++j) {
+        if (v->column[j].kind == PM_LOGGER_FLOW && v->column[j].part == part &&
+            v->column[j].mate >= 0) {
+            add_positions(v, list, part, j, SQUARE, true);
+        }
+    }
+}
+
 // Returns true if lengths q and r of a part store energy together, as a spring in the plane does: a
 // product of both in their forces explains more than a spring between them.
 static bool stores_both(const pm_logger_samples *w, int q, int r, equations *work) {
     const pm_logger_view *v = w->view;
     for (int i = 0; i < v->nvariable; ++i) {
-        double gain[2] = {0}; // by a spring between them, by products
-        for (int k = 0; k < 2; ++k) {
+        // By a spring between them, by products, by an inertia that depends on them.
+        double gain[3] = {0};
+        for (int k = 0; k < 3; ++k) {
             term_list forces = {0};
             int known = 0;
             for (int pass = 0; pass < 2; ++pass) {
@@ -641,9 +670,12 @@ static bool stores_both(const pm_logger_samples *w, int q, int r, equations *wor
                     }
                 }
             }
+            if (k == 2 && known > 0 && !v->column[q].guided && !v->column[r].guided) {
+                add_squares(v, &forces, v->column[q].part);
+            }
             gain[k] = forces.count > known ? gain_of(w, i, &forces, known, work, NULL) : 0;
         }
-        if (gain[1] > GAINS && gain[1] > gain[0]) {
+        if (gain[1] > GAINS && gain[1] > gain[0] && gain[1] > gain[2]) {
             return true;
         }
     }
@@ -651,23 +683,6 @@ static bool stores_both(const pm_logger_samples *w, int q, int r, equations *wor
 }
 
 // --- what moves co-energies ---
-
-// Adds products of a factor with all positions of a part, or with angles alone.
-static void add_positions(const pm_logger_view *v, term_list *list, int part, int column,
-                          atom_kind kind, bool lengths) {
-    for (int q = 0; q < v->nvariable; ++q) {
-        const pm_logger_column *c = &v->column[q];
-        if (c->kind != PM_LOGGER_POSITION || c->part != part) {
-            continue;
-        }
-        if (c->angle) {
-            add_angle(list, column, kind, q, 1, FEWEST_HARMONICS);
-        } else if (lengths) {
-            add_term(list, column, kind, q, VALUE);
-            add_term(list, column, kind, q, SQUARE);
-        }
-    }
-}
 
 // Adds the forces of the energy of the position whose velocity is i.
 static void add_forces(const pm_logger_view *v, term_list *list, int i) {
@@ -1230,12 +1245,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             add_known(v, &terms, i);
             add_term(&terms, i, VALUE, i, SIZE);
             const int forces = terms.count;
-            for (int j = 0; j < v->nvariable; ++j) {
-                if (v->column[j].kind == PM_LOGGER_FLOW && v->column[j].part == part &&
-                    v->column[j].mate >= 0) {
-                    add_positions(v, &terms, part, j, SQUARE, true);
-                }
-            }
+            add_squares(v, &terms, part);
             gain += gain_of(w, i, &terms, forces, work, NULL);
             rest += work->rest;
         }
@@ -1310,10 +1320,12 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
             v->crank[i][j] = gain_of(w, i, &crank, known, work, NULL) > GAINS;
             for (int u = v->nvariable; u < v->ncolumn; ++u) {
-                // Each of the two moves the other.
+                // Each of the two moves the other. An inertia that they share lets a force on one
+                // of them move the other one, too.
                 bool one, both;
-                if (i < j && v->nconverter < PM_LOGGER_ACTIONS &&
-                    converts(w, u, i, j, work, &one) && converts(w, u, j, i, work, &both)) {
+                if (i < j && !(v->inertial[y->part] && y->mate >= 0 && other->mate >= 0) &&
+                    v->nconverter < PM_LOGGER_ACTIONS && converts(w, u, i, j, work, &one) &&
+                    converts(w, u, j, i, work, &both)) {
                     const bool loses = one && both && v->column[u].least >= 0 &&
                                        pm_unit_equal(&y->dimension, &other->dimension);
                     v->converter[v->nconverter++] = (pm_logger_converter){u, i, j, loses, loses};
