@@ -189,6 +189,7 @@ typedef struct hidden_search {
     // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
     // depend on the machine; and as measured, which ends the trials on slow ones
     double spent, used;
+    const char *start;  // where the constants of the best guesses begin in the fit; or NULL
     bool short_of_time; // the first trial had not ended in its time
 } hidden_search;
 
@@ -418,10 +419,6 @@ static pm_status find_columns(hidden_search *s, column_group group) {
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
     const pm_logger_view *v = &s->first;
-    for (int u = v->nvariable; u < v->ncolumn; ++u) {
-        s->guess[0][v->column[u].id] =
-            v->column[u].clear ? v->column[u].other[0] : PM_LOGGER_AS_FOUND;
-    }
     if (!pm_logger_is_measured(v)) {
         // Complete states without noise are fitted by single steps.
         s->count = 1;
@@ -462,6 +459,47 @@ static const char *name_of(const pm_logger_view *v, int id) {
         name = v->column[c].id == id ? v->column[c].name : name;
     }
     return name;
+}
+
+// Tries the best guesses with all trajectories, from where their trial ended, then from the start.
+// Where they cannot be integrated the next best ones take their place.
+static pm_status confirm(hidden_search *s) {
+    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    const int most = s->most, last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
+    const int *const vector[] = {&last};
+    const pm_fit_effort effort = {.tries = TRIES,
+                                  .try_iterations = 4,
+                                  .samples = FEWEST_SAMPLES,
+                                  .iterations = STEPS,
+                                  .stages = 1,
+                                  .seconds = LEAST,
+                                  .whole = true};
+    s->start = found_by_best(s);
+    if (most == 0 || most == s->dataset->ntrajectory || last < s->count) {
+        return PM_OK;
+    }
+    pm_status status = PM_OK;
+    s->most = s->dataset->ntrajectory;
+    for (bool fits = false; !fits && status == PM_OK && isfinite(error_of(s, s->best));) {
+        memcpy(s->guess[last], s->guess[s->best], sizeof s->guess[0]);
+        memcpy(s->chosen[last], s->chosen[s->best], sizeof s->chosen[0]);
+        for (int k = 0; k < 2 && !fits && status == PM_OK; ++k) {
+            s->found[last] = k == 0 ? found_by_best(s) : NULL;
+            status = pm_search_try(&space, 1, vector, &effort, SAFETY * LEAST + ENDED, NULL,
+                                   s->hints->stop, &s->trial[last], &s->used);
+            fits = !s->trial[last].failed;
+            s->start = s->found[last];
+        }
+        if (!fits && status == PM_OK) {
+            s->trial[s->best].failed = true;
+            memcpy(s->trial[s->best].reason, s->trial[last].reason, sizeof s->trial->reason);
+            for (int i = 0; i < s->count; ++i) {
+                s->best = error_of(s, i) < error_of(s, s->best) ? i : s->best;
+            }
+        }
+    }
+    s->most = most;
+    return status;
 }
 
 // Writes what was tried, as lines of a comment.
@@ -607,15 +645,20 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     search->hints = hints;
     search->data_path = data;
     search->first = draft.view;
+    for (int u = draft.view.nvariable; u < draft.view.ncolumn; ++u) {
+        const pm_logger_column *input = &draft.view.column[u];
+        search->guess[0][input->id] = input->clear ? input->other[0] : PM_LOGGER_AS_FOUND;
+    }
     if (hints->budget > 0 && hints->hidden < 0) {
         PM_TRY_DONE(find_hidden(search));
+        PM_TRY_DONE(confirm(search));
         print_trials(search, comment);
-        own.guess = search->guess[search->best];
-        pm_logger_view_free(&draft.view);
-        looked = false;
-        PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
-        looked = true;
     }
+    own.guess = search->guess[search->best];
+    pm_logger_view_free(&draft.view);
+    looked = false;
+    PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
+    looked = true;
     describe(&draft.view);
     name_inputs(&draft.view);
     draft.data_path = data;
@@ -624,7 +667,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
     if (pm_logger_is_measured(&draft.view)) {
-        draft.found = found_by_best(search);
+        draft.found = search->start;
     }
     PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
