@@ -15,7 +15,7 @@ write() {
         awk -v seed="$i" "BEGIN {
             srand(seed); h = 0.001; print \"t [s],$header\"; $begin
             for (k = 0; k < 120; k++) {
-                if (k % 15 == 0) u = 2*rand() - 1
+                if (k % 15 == 0) u = driven == 2 ? rand() : 2*rand() - 1
                 printf \"%.3f\", 0.02*k; for (j = 1; j <= n; j++) printf \",%.12g\", y[j]; print driven ? sprintf(\",%.6g\", u) : \"\"
                 for (j = 0; j < 20; j++) { $step }
             }
@@ -66,6 +66,20 @@ write couple 6 "i [A],hot [K],cold [K],P [W]" \
 succeed "i [A]: a co-energy, which carries entropy between hot and cold" propose --budget 0 --data "$folder"/couple_?.csv \
     --inputs P --part block=i,hot --part sink=cold -o "$folder/couple"
 
+# A valve opens between two pressures. A flow enters a vessel with the temperature of its inlet, and a wall takes up the
+# more heat the more flows.
+write valve 6 "p [bar],q [bar],opening [1]" \
+    "n = 2; driven = 2; y[1] = 80 + 40*rand(); y[2] = 20 + 20*rand()" \
+    "o = 0.2 + u; d = y[1] - y[2]; f = 6*o*d/sqrt(sqrt(d*d + 0.01)); a = 40 - f/4 - 0.2*y[1]; b = f - 2*y[2]; y[1] += h*a; y[2] += h*b"
+succeed "is a throttle between p and q" propose --budget 0 --data "$folder"/valve_?.csv --inputs opening \
+    -o "$folder/valve"
+write inlet 6 "T [K],wall [K],hot [K],flow [L/min]" \
+    "n = 3; driven = 2; y[1] = 300 + 20*rand(); y[2] = 290 + 20*rand(); y[3] = 330" \
+    "if (j == 0 && k % 20 == 0) y[3] = 320 + 40*rand()
+     c = 4*(0.1 + u)*(y[1] - y[2]); a = 6*u*(y[3] - y[1]) - c; b = c - 2*(y[2] - 285); y[1] += h*a; y[2] += h*b"
+succeed "cools T; " propose --budget 0 --data "$folder"/inlet_?.csv --inputs flow,hot -o "$folder/inlet"
+grep -q 's: {unit: J/K, dE: \["hot"\], hold: previous, dS: \[1\]}' "$folder/inlet/scene.yaml" || fail "propose: the flow enters with hot"
+grep -q "conductance_flow_T_wall" "$folder/inlet/training.yaml" || fail "propose: the flow sets the conductance of the wall"
 # A piston moves the volume of a chamber in another part, whose gas is warmed by this.
 write gas 6 "v [m/s],x [m],V [L],T [K]" \
     "n = 4; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand(); y[4] = 290 + 20*rand()" \

@@ -30,7 +30,6 @@
 #define LEVERS_AGREE 0.1 // relative difference of two levers that are the same
 #define PUSHES 0.1       // of the root mean square rate: a constant rate that is smaller is none
 #define LIKELY 2         // guesses about an input that are tried
-#define LITTLE 0.02      // of the changes: where hardly more is unexplained, nothing is worth much
 #define CLEAR 0.4        // of what is unexplained: a guess about an input that is tried first
 
 // A factor of a term.
@@ -853,11 +852,14 @@ static void add_coolants(const pm_logger_view *v, term_list *list, int i) {
     }
 }
 
-// Returns which part of what is unexplained of variable i the terms explain; 0: hardly any.
+// Returns which part of what is unexplained of variable i, beside as much that noise may explain,
+// the terms explain; 0: hardly any.
 static double worth_of(const pm_logger_samples *w, int i, const term_list *list, int known,
                        equations *work, double *x) {
-    const double gain = gain_of(w, i, list, known, work, x);
-    return gain > GAINS ? gain / (work->rest + LITTLE) : 0;
+    const double gain = gain_of(w, i, list, known, work, x), noise = w->view->column[i].noise;
+    const equations *judge = work + 1;
+    const double chance = judge->square > 0 ? 2 * noise * noise * judge->count / judge->square : 1;
+    return gain > GAINS ? gain / (work->rest + chance) : 0;
 }
 
 // Returns how much an exchange between variables i and j, as strong as input u says, explains of i.
@@ -884,9 +886,13 @@ static double entering_of(const pm_logger_samples *w, int u, int T, int i, equat
     const pm_logger_column *flow = &v->column[u];
     term_list list = {0};
     double x[MOST] = {0};
-    add_term(&list, u, VALUE, i, AWAY);
+    for (int j = 0; j < v->nvariable; ++j) { // beside what the flow may open
+        if (v->column[j].kind == PM_LOGGER_TEMPERATURE && v->column[j].part == v->column[i].part) {
+            add_term(&list, u, VALUE, j, AWAY);
+        }
+    }
     add_term(&list, u, VALUE, T, AWAY);
-    const double worth = worth_of(w, i, &list, 1, work, x);
+    const double worth = worth_of(w, i, &list, list.count - 1, work, x);
     *slope =
         x[work->n - 1] / (v->column[T].deviation * fmax(fabs(flow->least), fabs(flow->largest)));
     return *slope > 0 ? worth : 0;
