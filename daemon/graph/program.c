@@ -471,19 +471,11 @@ double pm_program_work(const pm_program *program) {
     double work = 0;
     for (int i = program->nfixed; i < program->ninstruction; ++i) {
         const pm_instruction *x = &program->instruction[i];
-        double each = 1;
-        switch (x->op) {
-#define FUNCTION_OF(OPERATION, ...) case PM_OP_##OPERATION:
-            PM_FUNCTIONS(FUNCTION_OF)
-#undef FUNCTION_OF
-            each = FUNCTION;
-            break;
-        case PM_OP_MATMUL:
-            each = (x->first & 1) != 0 ? x->shape_a.rows : x->shape_a.cols;
-            break;
-        default:
-            break;
-        }
+        const bool function = x->op >= PM_OP_TANH && x->op <= PM_OP_COS;
+        const double each = function                ? FUNCTION
+                            : x->op != PM_OP_MATMUL ? 1
+                            : (x->first & 1) != 0   ? x->shape_a.rows
+                                                    : x->shape_a.cols;
         work += CALL + each * x->shape.rows * x->shape.cols;
     }
     return work;

@@ -302,7 +302,8 @@ static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, INFINITY, false));
     const pm_sensitivity_how own = how_of(system, o, &tracks, false);
-    pm_status status = pm_sensitivity_open(&p.sensitivity, &own, how->uncertainty != NULL);
+    pm_sensitivity_work work;
+    pm_status status = pm_sensitivity_open(&p.sensitivity, &own, how->uncertainty != NULL, &work);
     for (int i = 0; i < e->count && status == PM_OK; i += PM_SENSITIVITY_BATCH) {
         const int left = e->count - i;
         follow(e, &p, &tracks.track[i], i,

@@ -540,6 +540,57 @@ static void write_part(pm_logger_writer *w, int part) {
     pm_logger_end(w, w->v->part[part]);
 }
 
+// Writes a constant power into the temperature T, for each unit of b.x, by which a bath is warmer
+// or colder than the scene says. The conductance is that to the bath.
+static void write_shift(pm_logger_writer *w, const char *name, const char *T, double conductance) {
+    char power[PM_LOGGER_TEXT];
+    snprintf(power, sizeof power, "%s/a.dE.%.40s",
+             pm_logger_number(w, "shift", name, 0, conductance), T);
+    fprintf(w->model, "[a.%s, b.x, \"%s\"], [b.s, b.x, \"-%s\"]", T, power, power);
+}
+
+// Writes what moves a part without loss from outside: what is constant, and what leaves one level
+// and falls into another one, unless networks tell that. The fluid that falls loses its energy
+// before it arrives; the height through which it falls gives the energy of the other level.
+static void write_pushes(pm_logger_writer *w, int part, bool falls) {
+    static const char *const first = "    reversible: {given: [";
+    const pm_logger_view *v = w->v;
+    const double highest = pm_logger_highest(v);
+    bool some = false;
+    for (int i = 0; i < v->nvariable; ++i) {
+        const pm_logger_column *h = &v->column[i];
+        if (h->part == part && v->pushes[i]) {
+            fprintf(w->model, "%s[a.%s, b.x, \"%s\"]", some ? ", " : first, h->name,
+                    pm_logger_number(w, "push", h->name,
+                                     h->source == NULL ? 0 : h->inertia * h->constant,
+                                     pm_logger_rate(w, h)));
+            some = true;
+        }
+        if (h->part == part && v->leaks[i]) {
+            fputs(some ? ", " : first, w->model);
+            some = true;
+            write_shift(w, h->name, h->name, h->inertia * v->leak[i]);
+        }
+        if (!falls || !pm_logger_is(v, i, part, PM_LOGGER_LEVEL)) {
+            continue;
+        }
+        for (int j = 0; j < v->nvariable; ++j) {
+            char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
+            if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j]) {
+                fprintf(w->model, "%s[a.%s, b.z, \"(%s", some ? ", " : first, v->column[j].name,
+                        pm_logger_flow(w, flow, sizeof flow, 'a', h));
+                if (h->spills) {
+                    fprintf(w->model, " + caught_%s/(1 + caught_%s)*%s", h->name, h->name,
+                            pm_logger_spill(w, spill, sizeof spill, h));
+                }
+                fprintf(w->model, ")/%.4g\"]", highest);
+                some = true;
+            }
+        }
+    }
+    fputs(some ? "]}\n" : "", w->model);
+}
+
 // Writes the port by which a part loses energy to the surroundings.
 static void write_losses(pm_logger_writer *w, int part) {
     static const char *const first = "    irreversible:\n      given:\n        [",
@@ -553,7 +604,7 @@ static void write_losses(pm_logger_writer *w, int part) {
         return;
     }
     fputs("    law: bracket\n", w->model);
-    pm_logger_write_pushes(w, part, !networks);
+    write_pushes(w, part, !networks);
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];
         if (y->part != part) {
@@ -752,7 +803,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             fputs(some ? ", " : first, w->model);
             some = true;
             if (shifts && !lossy) {
-                pm_logger_write_shift(w, both, y->name, action->gain);
+                write_shift(w, both, y->name, action->gain);
                 continue;
             }
             char power[4 * PM_LOGGER_LONG_TEXT] = "";

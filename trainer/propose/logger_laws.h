@@ -177,13 +177,4 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
 const char *pm_logger_spill(pm_logger_writer *w, char *text, size_t size,
                             const pm_logger_column *h);
 
-// Writes a constant power into the temperature T, for each unit of b.x, by which a bath is warmer
-// or colder than the scene says. The conductance is that to the bath.
-void pm_logger_write_shift(pm_logger_writer *w, const char *name, const char *T,
-                           double conductance);
-// Writes what moves a part without loss from outside: what is constant, and what leaves one level
-// and falls into another one, unless networks tell that. The fluid that falls loses its energy
-// before it arrives; the height through which it falls gives the energy of the other level.
-void pm_logger_write_pushes(pm_logger_writer *w, int part, bool falls);
-
 #endif

@@ -110,8 +110,14 @@ done:
     return status;
 }
 
+// Returns the work of a program for one item, and of the product of its Jacobian.
+static double work_of(const pm_sensitivity *f, const jacobian *j) {
+    const double columns = f->nz + f->nweight;
+    return pm_program_work(j->program) + (f->derivatives ? j->size * columns * (f->nz + 1) : 0);
+}
+
 pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,
-                              bool derivatives) {
+                              bool derivatives, pm_sensitivity_work *work) {
     pm_sensitivity *f = calloc(1, sizeof *f);
     PM_TRY(pm_allocated(f, "derivatives"));
     const pm_scene *scene = how->system->scene;
@@ -136,6 +142,7 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
     }
     PM_TRY_DONE(build(f, &f->step));
     PM_TRY_DONE(build(f, &f->columns));
+    *work = (pm_sensitivity_work){work_of(f, &f->step), work_of(f, &f->columns)};
     *sensitivity = f;
     f = NULL;
 done:
@@ -149,20 +156,6 @@ void pm_sensitivity_close(pm_sensitivity *sensitivity) {
         pm_program_close(sensitivity->columns.program);
         PM_DELETE(sensitivity);
     }
-}
-
-// Returns the work of a program for one item, and of the product of its Jacobian.
-static double work_of(const pm_sensitivity *f, const jacobian *j) {
-    const double columns = f->nz + f->nweight;
-    return pm_program_work(j->program) + (f->derivatives ? j->size * columns * (f->nz + 1) : 0);
-}
-
-double pm_sensitivity_step_work(const pm_sensitivity *sensitivity) {
-    return work_of(sensitivity, &sensitivity->step);
-}
-
-double pm_sensitivity_sample_work(const pm_sensitivity *sensitivity) {
-    return work_of(sensitivity, &sensitivity->columns);
 }
 
 void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, size_t nweight,

@@ -25,14 +25,16 @@ typedef struct pm_sensitivity pm_sensitivity;
 
 #define PM_SENSITIVITY_BATCH 32 // states at a time
 
+// About how many multiplications one step and one sample take, with their derivatives if there are
+// any.
+typedef struct pm_sensitivity_work {
+    double step, sample;
+} pm_sensitivity_work;
+
 // Opens the programs, with derivatives or without. The caller closes. PM_ENOMEM.
 pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,
-                              bool derivatives);
+                              bool derivatives, pm_sensitivity_work *work);
 void pm_sensitivity_close(pm_sensitivity *sensitivity); // NULL is allowed
-// Returns about how many multiplications one step and one sample take, with their derivatives if
-// there are any.
-double pm_sensitivity_step_work(const pm_sensitivity *sensitivity);
-double pm_sensitivity_sample_work(const pm_sensitivity *sensitivity);
 
 // A state that the integrator advances in time, with its derivatives. The caller owns the arrays.
 typedef struct pm_sensitivity_item {

@@ -33,6 +33,7 @@ typedef struct pm_shooting_lane {
     // Programs without derivatives, with derivatives with respect to starts and weights, and with
     // derivatives with respect to starts alone. NULL: no evaluation needed it yet.
     pm_sensitivity *value, *derivative, *start_alone;
+    pm_sensitivity_work work[3]; // of these
     pm_sensitivity *sensitivity; // that of the present evaluation
     int id;
     bool derivatives;
@@ -454,17 +455,15 @@ static void *work(void *context) {
 
 // Adds the work of an evaluation: of the steps, of the samples with their part of the normal
 // equations, and of the elimination of the starts.
-static void count_work(pm_shooting *s, bool derivatives) {
-    const pm_sensitivity *f = s->lane[0].sensitivity;
+static void count_work(pm_shooting *s, bool derivatives, const pm_sensitivity_work *each) {
     const double border = s->terms.hold ? 1 : s->nborder, nz = s->nz;
-    const double step = pm_sensitivity_step_work(f), sample = pm_sensitivity_sample_work(f);
     const double equations = derivatives ? (nz + border) * (nz + border) / 2 : 0;
     for (int w = 0; w < s->nwindow; ++w) {
         const pm_window *window = &s->window[w];
         const int *first = s->tracks->track[window->track].first_step;
         const int end = window->ends ? window->last - 1 : window->last;
-        s->work += step * (first[end] - first[window->first]) +
-                   (sample + equations * s->ny) * (window->last - window->first) +
+        s->work += each->step * (first[end] - first[window->first]) +
+                   (each->sample + equations * s->ny) * (window->last - window->first) +
                    equations * nz * (nz + 1);
     }
     s->work += derivatives ? border * border * border / 3 : 0;
@@ -476,18 +475,21 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
         memset(s->blocks.own, 0, windows * nz * nz * sizeof *s->blocks.own);
         memset(s->blocks.border, 0, windows * nz * border * sizeof *s->blocks.border);
     }
+    int kind = 0;
     for (int i = 0; i < lane_count(); ++i) {
         pm_shooting_lane *l = &s->lane[i];
         pm_sensitivity_how how = s->how;
         how.fixed = how.fixed || (derivatives && s->terms.hold);
-        pm_sensitivity **own = !derivatives ? &l->value
-                               : how.fixed  ? &l->start_alone
-                                            : &l->derivative;
+        kind = !derivatives ? 0 : how.fixed ? 2 : 1;
+        pm_sensitivity **const all[] = {&l->value, &l->derivative, &l->start_alone};
+        pm_sensitivity **const own = all[kind];
         // Compiling the programs can take longer than all their steps: only those that are needed.
         const bool works = i * batch_size(s) < s->nwindow;
-        s->failed = works && *own == NULL ? pm_sensitivity_open(own, &how, derivatives) : PM_OK;
+        s->failed = works && *own == NULL
+                        ? pm_sensitivity_open(own, &how, derivatives, &l->work[kind])
+                        : PM_OK;
         if (s->failed == PM_OK && works && derivatives && l->value == NULL) {
-            s->failed = pm_sensitivity_open(&l->value, &how, false);
+            s->failed = pm_sensitivity_open(&l->value, &how, false, &l->work[0]);
         }
         if (s->failed != PM_OK) {
             return NAN;
@@ -496,7 +498,7 @@ double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {
         l->start = z;
         l->sensitivity = *own;
     }
-    count_work(s, derivatives);
+    count_work(s, derivatives, &s->lane[0].work[kind]);
     pm_team_run(NULL, work, s->lane, sizeof *s->lane);
     double objective = s->lane[0].objective;
     if (derivatives) {
