@@ -184,6 +184,7 @@ typedef struct hidden_search {
     int count, best;
     pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
     int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
+    bool simpler[MOST_TRIALS];                  // it has fewer constants than the one it began with
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     pm_search_trial trial[MOST_TRIALS];
     // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
@@ -278,7 +279,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
-        if (error < BETTER * other) {
+        if (error < (s->simpler[i] ? 1 : BETTER) * other) {
             s->best = i;
         }
     }
@@ -308,6 +309,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
             return;
         }
     }
+    s->simpler[s->count] = guess == PM_LOGGER_CYCLIC;
     s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
@@ -513,6 +515,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "exchanges heat with a hidden temperature",
                                                         "its friction heats a neighbour",
                                                         "its entropy depends on positions",
+                                                        "inertias do not depend on it",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

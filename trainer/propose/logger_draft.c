@@ -815,7 +815,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 fprintf(w->model, "[%s, b.x, %.1f]", x, action->gain);
                 break;
             case PM_LOGGER_DRIVES:
-                fprintf(w->model, "[%s, b.x, 1.0]", x);
+                fprintf(w->model, "[%s, b.x, %.1f]", x, action->gain < 0 ? -1.0 : 1.0);
                 break;
             case PM_LOGGER_GAIN:
                 fprintf(w->model, "[%s, b.x, \"", x);

@@ -231,7 +231,7 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
         const double d = fmax(fabs(q->least), fabs(q->largest));
         char both[PM_LOGGER_TEXT];
         if (!pm_logger_is(w->v, c, part, PM_LOGGER_POSITION) || (!q->angle && !lengths) ||
-            (alone >= 0 && alone != c)) {
+            (alone >= 0 && alone != c) || q->guess == PM_LOGGER_CYCLIC) {
             continue;
         }
         snprintf(both, sizeof both, "%.40s_by_%.40s", name, q->name);
@@ -394,7 +394,9 @@ static void write_shared_energy(pm_logger_writer *w, int part) {
             for (int q = 0; q < v->nvariable; ++q) {
                 for (int r = q; r < v->nvariable; ++r) {
                     const bool own = pm_logger_is(v, q, part, PM_LOGGER_POSITION) &&
-                                     pm_logger_is(v, r, part, PM_LOGGER_POSITION);
+                                     pm_logger_is(v, r, part, PM_LOGGER_POSITION) &&
+                                     v->column[q].guess != PM_LOGGER_CYCLIC &&
+                                     v->column[r].guess != PM_LOGGER_CYCLIC;
                     static const char *const kinds[] = {"w1", "w2", "w3", "w4"};
                     for (int k = 0; own && k < 4 && write_reach(v, q, r, k, reach); ++k) {
                         snprintf(name, sizeof name, "%.50s_%.30s%s%.30s", entry, v->column[q].name,

@@ -587,19 +587,28 @@ static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger
                : PM_LOGGER_GAIN;
 }
 
+// Returns true if the product of the units of an input and of co-energy c is a power.
+static bool may_drive(const pm_logger_view *view, int u, int c) {
+    return is_coenergy(&view->column[c]) && view->column[c].relaxes == 0 &&
+           effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES;
+}
+
 static bool is_learned(pm_logger_effect effect) {
     return effect == PM_LOGGER_GAIN || effect == PM_LOGGER_WARMS;
 }
 
-// Returns the co-energy on which an input of known power acts with the factor 1: of those whose
-// unit allows it and that answer with the input's sign, the one that clearly answers at once where
-// the input jumps, or else the one whose changes it explains best; -1: none.
+// Returns the co-energy on which an input of known power acts with the factor 1, or, if none
+// answers with the input's sign, with the factor -1, as a load does: of those whose unit allows it,
+// the one that clearly answers at once where the input jumps, or else the one whose changes it
+// explains best; -1: none.
 static int driven_by(const pm_logger_view *view, int u) {
     int best = -1, sharpest = -1;
+    bool along = false;
     for (int c = 0; c < view->nvariable; ++c) {
-        if (is_coenergy(&view->column[c]) && view->column[c].relaxes == 0 &&
-            effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES &&
-            view->coupling[c][u] > 0) {
+        along = along || (may_drive(view, u, c) && view->coupling[c][u] > 0);
+    }
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (may_drive(view, u, c) && (view->coupling[c][u] > 0) == along) {
             best = best < 0 || view->share[c][u] > view->share[best][u] ? c : best;
             sharpest = view->answer[c][u] > ANSWERED &&
                                (sharpest < 0 || view->answer[c][u] > view->answer[sharpest][u])
@@ -659,7 +668,7 @@ static void find_actions(pm_logger_view *view) {
                         (pm_logger_action){.input = u,
                                            .target = c,
                                            .effect = beside ? PM_LOGGER_GAIN : effect,
-                                           .gain = 1};
+                                           .gain = view->coupling[c][u] < 0 ? -1 : 1};
                 }
             }
         }
@@ -1275,9 +1284,9 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
-// Offers two guesses to trials: friction heats the temperature of a neighbour, and an entropy
-// depends on the positions of its part.
-static void offer_heat(pm_logger_view *view) {
+// Offers more guesses to trials: friction heats the temperature of a neighbour, an entropy depends
+// on the positions of its part, and inertias do not depend on a length.
+static void offer_laws(pm_logger_view *view) {
     for (int c = 0; c < view->nvariable; ++c) {
         pm_logger_column *y = &view->column[c];
         bool may[PM_LOGGER_NGUESS] = {false};
@@ -1292,6 +1301,8 @@ static void offer_heat(pm_logger_view *view) {
                 (y->kind == PM_LOGGER_TEMPERATURE && other->kind == PM_LOGGER_POSITION &&
                  other->part == y->part && !view->expands[j][c]);
         }
+        may[PM_LOGGER_CYCLIC] = y->kind == PM_LOGGER_POSITION && !y->angle && !y->guided &&
+                                view->inertial[y->part] && y->guess != PM_LOGGER_CYCLIC;
         for (int g = PM_LOGGER_WARMER; g < PM_LOGGER_CELL; ++g) {
             if (may[g] && y->source != NULL && y->nother < PM_LOGGER_NGUESS) {
                 y->other[y->nother++] = (pm_logger_guess)g;
@@ -1351,7 +1362,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     }
     PM_TRY_DONE(pm_logger_find_terms(&w));
     PM_TRY_DONE(pm_logger_find_reactions(&w));
-    offer_heat(view);
+    offer_laws(view);
     leave_idle_ports(view, hints);
     for (int i = 0; i < view->nvariable; ++i) { // heat without a thermometer is hidden
         for (int j = 0; j < view->nvariable; ++j) {

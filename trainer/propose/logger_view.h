@@ -49,6 +49,7 @@ typedef enum pm_logger_guess {
     PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
     PM_LOGGER_WARMER,   // a co-energy, whose friction heats the temperature of a neighbour
     PM_LOGGER_EXPANDED, // a temperature, whose entropy depends on the positions of its part
+    PM_LOGGER_CYCLIC,   // a length, on which inertias and levers do not depend
     // The voltage of a hidden charge behind a resistance, as of a cell, with 0 to 2 pairs of a
     // resistance and a capacity in series. The current is the input with which the column jumps.
     PM_LOGGER_CELL,
