@@ -190,9 +190,10 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
                          (v->tide[k].heat < 0 && pm_logger_has_tide(v, &v->tide[k], part, part) &&
                           (v->tide[k].first == c || v->tide[k].second == c));
             }
-            exposed = exposed &&
-                      (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts || orbits ||
-                       v->leaks[c] || (kind == PM_LOGGER_POSITION && v->turns[v->column[c].mate]));
+            exposed = exposed && (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts ||
+                                  orbits || v->leaks[c] ||
+                                  (kind == PM_LOGGER_POSITION &&
+                                   (v->turns[v->column[c].mate] || v->inertial[part])));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {

@@ -1142,6 +1142,14 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
         fputs("*exp(0", w->model);
         write_lever(w, name, of, y->part, true, y->mate, 1);
         fputs(")", w->model);
+    } else if (t < 0 && shares_inertia(w, c)) { // what turns rubs the more, the longer it is
+        fputs("*exp(0", w->model);
+        for (int q = 0; q < w->v->nvariable; ++q) {
+            if (q != y->mate && !w->v->column[q].angle) {
+                write_lever(w, name, of, y->part, true, q, 1);
+            }
+        }
+        fputs(")", w->model);
     }
     if (t >= 0) {
         const pm_logger_column *T = &w->v->column[t];
