@@ -1061,9 +1061,9 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
                            "bands of 90 %% hold %.0f %% of a column", 100 * least);
     }
     if (box.tried > 0) {
-        pm_verdict_compare(
-            &v, unexplained > PM_VERDICT_GOOD ? exp(own - other) : 0, PM_VERDICT_LOSES, INFINITY,
-            "the structure loses: a black box has %.3g times less error", exp(own - other));
+        pm_verdict_compare(&v, unexplained > NEGLIGIBLE ? exp(own - other) : 0, PM_VERDICT_LOSES,
+                           INFINITY, "the structure loses: a black box has %.3g times less error",
+                           exp(own - other));
     }
     snprintf(
         text, sizeof text,

@@ -317,9 +317,10 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
 // best ones begins where these ended.
 static pm_status add_laws(hidden_search *s) {
     static const int richer[][2] = {
-        {PM_LOGGER_FRICTION, WAVY_FRICTION},      {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
-        {PM_LOGGER_INERTIA, LEARNED_INERTIA},     {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
-        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+        {PM_LOGGER_COUPLING, LINEAR_COUPLING},       {PM_LOGGER_FRICTION, WAVY_FRICTION},
+        {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},      {PM_LOGGER_INERTIA, LEARNED_INERTIA},
+        {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
+        {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int *chosen = s->chosen[s->best];
     pm_logger_hints hints = *s->hints;
     pm_logger_view view;

@@ -137,6 +137,7 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      3,
      {"sums over positions where velocities or inputs show it", "constant",
       "a network of positions"}},
+    {"coupling of flows", 2, {"constant", "of what flows"}},
     {"capacities",
      3,
      {"of what they hold, where regressions show it", "constant", "of what they hold"}},
@@ -148,7 +149,7 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
 
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
                            const char *const **alternative) {
-    int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0;
+    int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0, pairs = 0;
     bool springs = false; // an angle may have one, and has none yet
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *column = &v->column[c];
@@ -159,10 +160,17 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
         temperatures += column->kind == PM_LOGGER_TEMPERATURE;
         levels += column->kind == PM_LOGGER_LEVEL;
         others += column->kind == PM_LOGGER_FLOW && column->mate < 0;
+        for (int j = 0; j < c; ++j) {
+            pairs += v->column[j].part == column->part && pm_logger_is_coupled(v, j, c, false);
+        }
     }
-    const bool some[PM_LOGGER_NCHOICE] = {flows > 0,        mechanical > 0,
-                                          mechanical > 1,   temperatures + levels + others > 0,
-                                          temperatures > 0, levels > 0};
+    const bool some[PM_LOGGER_NCHOICE] = {flows > 0,
+                                          mechanical > 0,
+                                          mechanical > 1,
+                                          pairs > 1,
+                                          temperatures + levels + others > 0,
+                                          temperatures > 0,
+                                          levels > 0};
     *name = choices[which].name;
     *alternative = choices[which].alternative;
     return !some[which] ? 1 : choices[which].count - (which == PM_LOGGER_POTENTIAL && !springs);
@@ -193,7 +201,8 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
             exposed = exposed && (pm_logger_loses(v, c) || kind == PM_LOGGER_LEVEL || reacts ||
                                   orbits || v->leaks[c] ||
                                   (kind == PM_LOGGER_POSITION &&
-                                   (v->turns[v->column[c].mate] || v->inertial[part])));
+                                   (v->turns[v->column[c].mate] ||
+                                    pm_logger_count(v, part, PM_LOGGER_POSITION) > 1)));
         } else {
             bool target = false;
             for (int a = 0; a < v->naction; ++a) {

@@ -12,6 +12,7 @@ typedef enum pm_logger_choice {
     PM_LOGGER_FRICTION,   // how friction and resistance depend on what flows
     PM_LOGGER_POTENTIAL,  // the energy of positions
     PM_LOGGER_INERTIA,    // whether inertia depends on positions
+    PM_LOGGER_COUPLING,   // whether what couples flows depends on them
     PM_LOGGER_CAPACITY,   // whether capacities depend on temperatures and on other co-energies
     PM_LOGGER_CONDUCTION, // how conduction depends on temperatures
     PM_LOGGER_LEVELS,     // how the flow between levels depends on them

@@ -31,8 +31,9 @@
 // else become large outside of the data.
 #define MOST_BEND 3
 #define MOST_THERMAL 1
-#define MOST_WARMING 6 // power of a temperature
-#define BRIM 3         // deviations of a level above its mean, below which its brim is
+#define MOST_WARMING 6   // power of a temperature
+#define MOST_ONE_WAY 2.0 // the logarithm of the ratio of frictions in both directions, halved
+#define BRIM 3           // deviations of a level above its mean, below which its brim is
 #define LEVER_TEXT (4 * PM_LOGGER_LONG_TEXT)
 #define MOST_SINE 0.95 // at which a place within bounds begins
 
@@ -916,6 +917,20 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                 if (crank) {
                     write_lever(w, both, "", part, false, -1, pm_logger_between(w, a, b));
                 }
+                // As in a machine whose magnets and currents turn it.
+                for (int k = 0;
+                     k < w->v->nvariable && w->chosen[PM_LOGGER_COUPLING] == LINEAR_COUPLING; ++k) {
+                    const pm_logger_column *y = &w->v->column[k];
+                    if (pm_logger_is(w->v, k, part, PM_LOGGER_FLOW)) {
+                        char by[2 * PM_LOGGER_TEXT];
+                        snprintf(by, sizeof by, "%.60s_by_%.30s", both, y->name);
+                        const double size = pm_logger_between(w, a, b) / y->deviation;
+                        const double most = fmax(fabs(y->least), fabs(y->largest));
+                        fprintf(w->model, " + (%s", pm_logger_number(w, "flux", by, 0, size));
+                        fprintf(w->model, " + %s*(%s/%.6g)^2)*%s",
+                                pm_logger_number(w, "bent", by, 0, size), y->name, most, y->name);
+                    }
+                }
                 fputs("\"]", w->model);
                 some = true;
             }
@@ -1084,6 +1099,10 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
                 name);
     }
     fputs(")", w->model);
+    if (law <= DRY_FRICTION && pm_logger_is_velocity(y)) { // another one in each direction
+        fprintf(w->model, "*exp(%s*(%s)/sqrt((%s)^2 + width_%s^2))",
+                logarithm(w, "one_way", name, MOST_ONE_WAY), x, x, name);
+    }
     if (law <= WAVY_FRICTION && !pm_logger_is_velocity(y)) {
         if (other != NULL) {
             drop.mean -= other->mean;
