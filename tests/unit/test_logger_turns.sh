@@ -80,6 +80,12 @@ write inlet 6 "T [K],wall [K],hot [K],flow [L/min]" \
 succeed "cools T; " propose --budget 0 --data "$folder"/inlet_?.csv --inputs flow,hot -o "$folder/inlet"
 grep -q 's: {unit: J/K, dE: \["hot"\], hold: previous, dS: \[1\]}' "$folder/inlet/scene.yaml" || fail "propose: the flow enters with hot"
 grep -q "conductance_flow_T_wall" "$folder/inlet/training.yaml" || fail "propose: the flow sets the conductance of the wall"
+# A damper whose resistance is three times as large in one direction.
+write damper 6 "v [m/s],F [N]" "n = 1; driven = 1; y[1] = 2*rand() - 1" "y[1] += h*(10*u - (y[1] > 0 ? 6 : 2)*y[1])/0.8"
+succeed "wrote" propose --budget 0 --data "$folder"/damper_?.csv --inputs F -o "$folder/damper"
+succeed "Verdict: good" fit "$folder/damper/training.yaml" -o "$folder/damper/weights"
+awk '/rollouts have/ { some = 1; if (!($9 < 0.2)) bad = 1 } END { exit !some || bad }' "$folder/out" || fail "the damper is not learned"
+
 # A piston moves the volume of a chamber in another part, whose gas is warmed by this.
 write gas 6 "v [m/s],x [m],V [L],T [K]" \
     "n = 4; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand(); y[4] = 290 + 20*rand()" \

@@ -1099,7 +1099,8 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
                 name);
     }
     fputs(")", w->model);
-    if (law <= DRY_FRICTION && pm_logger_is_velocity(y)) { // another one in each direction
+    const bool both = other != NULL || fmin(-y->least, y->largest) > SMALL * d;
+    if (law <= DRY_FRICTION && pm_logger_is_velocity(y) && both) { // another one in each direction
         fprintf(w->model, "*exp(%s*(%s)/sqrt((%s)^2 + width_%s^2))",
                 logarithm(w, "one_way", name, MOST_ONE_WAY), x, x, name);
     }
