@@ -80,6 +80,14 @@ write inlet 6 "T [K],wall [K],hot [K],flow [L/min]" \
 succeed "cools T; " propose --budget 0 --data "$folder"/inlet_?.csv --inputs flow,hot -o "$folder/inlet"
 grep -q 's: {unit: J/K, dE: \["hot"\], hold: previous, dS: \[1\]}' "$folder/inlet/scene.yaml" || fail "propose: the flow enters with hot"
 grep -q "conductance_flow_T_wall" "$folder/inlet/training.yaml" || fail "propose: the flow sets the conductance of the wall"
+# A valve opens what falls from one level into the next.
+write tanks 8 "h1 [m],h2 [m],valve [1]" "n = 2; driven = 2; y[1] = 1 + rand(); y[2] = 0.5 + rand()" \
+    "f = 0.3*(0.2 + 0.8*u)*sqrt(y[1]); y[1] -= h*f/0.5; y[2] += h*(f - 0.2*sqrt(y[2]))/0.3"
+for i in 1 2 3 4 5 6 7 8; do
+    awk -F, -v OFS=, -v seed=$i 'BEGIN { srand(seed) } NR > 1 { for (c = 2; c < 4; c++) $c += 0.002*(rand() - 0.5) } 1' "$folder/tanks_$i.csv" >"$folder/noisy_$i.csv"
+done
+succeed "opens the outflow of h1" propose --budget 8 --data "$folder"/noisy_?.csv --inputs valve -o "$folder/tanks"
+
 # A damper whose resistance is three times as large in one direction.
 write damper 6 "v [m/s],F [N]" "n = 1; driven = 1; y[1] = 2*rand() - 1" "y[1] += h*(10*u - (y[1] > 0 ? 6 : 2)*y[1])/0.8"
 succeed "wrote" propose --budget 0 --data "$folder"/damper_?.csv --inputs F -o "$folder/damper"

@@ -105,6 +105,17 @@ static void describe(const pm_logger_view *v) {
                        v->column[v->action[a].target].name);
             }
         }
+        for (int i = 0; i < v->nvariable; ++i) {
+            if (c > 0 && v->gate[i] == c) {
+                printf("; opens the outflow of %s", v->column[i].name);
+            }
+        }
+        for (int a = 0; a < v->naction; ++a) {
+            if (c > 0 && v->action[a].enters == c) {
+                printf("; with this temperature %s enters %s", v->column[v->action[a].input].name,
+                       v->column[v->action[a].target].name);
+            }
+        }
         if (column->saturates) {
             printf("; its sensor saturates at %.6g", column->largest);
         }
@@ -309,7 +320,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
             return;
         }
     }
-    s->simpler[s->count] = guess == PM_LOGGER_CYCLIC;
+    s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
     s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
@@ -534,11 +545,16 @@ static void print_trials(const hidden_search *s, FILE *f) {
             int one, other;
             if (own >= PM_LOGGER_PAIRS) {
                 const pm_logger_guess kind = pm_logger_split(own, &one, &other);
-                fprintf(f,
-                        kind == PM_LOGGER_ENTERS ? "%s%s: with it %s enters %s%s"
-                                                 : "%s%s: acts between %s and %s%s",
-                        any ? "; " : "", column->name, name_of(&s->first, one),
-                        name_of(&s->first, other), kind == PM_LOGGER_OPENS_ALONE ? " alone" : "");
+                const char *first = name_of(&s->first, one), *second = name_of(&s->first, other);
+                const char *lead = any ? "; " : "", *u = column->name;
+                if (kind == PM_LOGGER_GATES) {
+                    fprintf(f, "%s%s: opens the outflow of %s", lead, u, first);
+                } else if (kind == PM_LOGGER_ENTERS) {
+                    fprintf(f, "%s%s: with it %s enters %s", lead, u, first, second);
+                } else {
+                    fprintf(f, "%s%s: acts between %s and %s%s", lead, u, first, second,
+                            kind == PM_LOGGER_OPENS_ALONE ? " alone" : "");
+                }
                 any = true;
             } else if (own != PM_LOGGER_AS_FOUND) {
                 fprintf(f, "%s%s: %s", any ? "; " : "", column->name, guess[own]);

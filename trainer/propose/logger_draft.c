@@ -39,6 +39,15 @@ static bool loses(const pm_logger_view *v, int part) {
     return some;
 }
 
+// Returns true if an input opens the outflow of a level of the part, or of any if it is -1.
+static bool gates(const pm_logger_view *v, int input, int part) {
+    bool some = false;
+    for (int c = 0; c < v->nvariable; ++c) {
+        some = some || (v->gate[c] == input && (part < 0 || v->column[c].part == part));
+    }
+    return some;
+}
+
 static bool acts_on(const pm_logger_view *v, int input, int part) {
     bool acts = false;
     for (int a = 0; a < v->naction; ++a) {
@@ -48,7 +57,7 @@ static bool acts_on(const pm_logger_view *v, int input, int part) {
         acts =
             acts || (v->converter[k].input == input && v->column[v->converter[k].one].part == part);
     }
-    return acts;
+    return acts || gates(v, input, part);
 }
 
 // The levels of a part exchange fluid if there are several; it then falls from one to the next.
@@ -82,7 +91,8 @@ static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_e
 // co-energies, or cools. *bath, unless it is NULL, receives the temperature at which it leaves, as
 // the scene has it.
 static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[PM_LOGGER_TEXT]) {
-    bool takes = has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_COOLS);
+    bool takes =
+        has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_COOLS) || gates(v, input, part);
     double T = v->bath;
     int enters = 0;
     for (int k = 0; k < v->nconverter; ++k) {
@@ -106,9 +116,10 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[P
     return takes;
 }
 
-// Lists the groups of the boundary input of an input: x carries energy, s entropy.
+// Lists the groups of the boundary input of an input: x carries energy, s entropy, z what falls.
 static const char *groups_of(const pm_logger_view *v, int input, int part) {
-    return has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? "s"
+    return gates(v, input, part)                                        ? "x, s, z"
+           : has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? "s"
            : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ||
                    takes_heat(v, input, part, NULL)
                ? "x, s"
@@ -214,6 +225,9 @@ static void write_exposed(FILE *f, const pm_logger_view *v, int part, int input)
             for (int k = 0; k < v->nconverter; ++k) {
                 target = target || (v->converter[k].input == input &&
                                     (v->converter[k].one == c || v->converter[k].other == c));
+            }
+            for (int i = 0; i < v->nvariable; ++i) {
+                target = target || (v->gate[i] == input && (i == c || v->falls[i][c]));
             }
             exposed = exposed && target;
         }
@@ -385,6 +399,9 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                     input->name, unit, input->source, through ? ", dS: [0]" : "", hold);
             if (strlen(groups) > 1) {
                 fprintf(f, "    s: {unit: J/K, dE: %s, dS: [1]}\n", bath);
+            }
+            if (gates(v, u, -1)) {
+                fprintf(f, "    z: {unit: m^3, dE: [%.4g], dS: [0]}\n", pm_logger_highest(v));
             }
         }
     }
@@ -586,7 +603,7 @@ static void write_pushes(pm_logger_writer *w, int part, bool falls) {
         }
         for (int j = 0; j < v->nvariable; ++j) {
             char flow[PM_LOGGER_LONG_TEXT], spill[PM_LOGGER_LONG_TEXT];
-            if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j]) {
+            if (pm_logger_is(v, j, part, PM_LOGGER_LEVEL) && v->falls[i][j] && v->gate[i] == 0) {
                 fprintf(w->model, "%s[a.%s, b.z, \"(%s", some ? ", " : first, v->column[j].name,
                         pm_logger_flow(w, flow, sizeof flow, 'a', h));
                 if (h->spills) {
@@ -620,7 +637,7 @@ static void write_losses(pm_logger_writer *w, int part) {
         if (y->part != part) {
             continue;
         }
-        const bool drains = y->kind == PM_LOGGER_LEVEL && !networks;
+        const bool drains = y->kind == PM_LOGGER_LEVEL && !networks && v->gate[i] == 0;
         if (pm_logger_loses(v, i) || v->leaks[i] || drains) {
             fputs(some ? next : first, w->model);
             some = true;
@@ -853,6 +870,16 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 fputs("\"]", w->model);
                 break;
             }
+            }
+        }
+        for (int i = 0; i < v->nvariable; ++i) {
+            bool falls_on = false;
+            for (int j = 0; j < v->nvariable; ++j) {
+                falls_on = falls_on || v->falls[i][j];
+            }
+            if (v->gate[i] == input && v->column[i].part == part && (lossy == 1 || falls_on)) {
+                fputs(some ? ", " : first, w->model);
+                some = pm_logger_write_gate(w, i, input, lossy == 1);
             }
         }
         for (int k = 0; k < v->nconverter; ++k) {

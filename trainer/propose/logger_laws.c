@@ -1318,3 +1318,28 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
              end, h->name, zero, h->largest, EMPTY * EMPTY);
     return text;
 }
+
+bool pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses) {
+    const pm_logger_view *v = w->v;
+    const pm_logger_column *h = &v->column[level], *u = &v->column[input];
+    char flow[PM_LOGGER_LONG_TEXT], name[PM_LOGGER_TEXT];
+    const double rest = EMPTY * EMPTY * h->largest * h->largest;
+    bool some = false;
+    snprintf(name, sizeof name, "%.40s_%.40s", u->name, h->name);
+    (void)pm_logger_flow(w, flow, sizeof flow, 'a', h);
+    for (int j = 0; j < v->nvariable && !loses; ++j) {
+        if (v->falls[level][j] && v->column[j].part == h->part) {
+            fprintf(w->model, "%s[a.%s, b.z, \"%s/%.6g", some ? ", " : "", v->column[j].name, flow,
+                    fabs(u->largest));
+            write_opening(w, name, u);
+            fprintf(w->model, "/%.4g\"]", pm_logger_highest(v));
+            some = true;
+        }
+    }
+    if (loses) {
+        fprintf(w->model, "[a.%s, b.s, \"%s/%.6g", h->name, flow, fabs(u->largest));
+        write_opening(w, name, u);
+        fprintf(w->model, "/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", h->name, rest);
+    }
+    return true;
+}

@@ -178,4 +178,8 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
 const char *pm_logger_spill(pm_logger_writer *w, char *text, size_t size,
                             const pm_logger_column *h);
 
+// Writes what falls from a level through an outflow that an input opens: with loss, or into the
+// levels below. Returns true.
+bool pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses);
+
 #endif

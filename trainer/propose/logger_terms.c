@@ -953,12 +953,39 @@ static void take_guesses(const pm_logger_samples *w, equations *work) {
                 }
             }
             v->naction = kept;
+        } else if (guess == PM_LOGGER_GATES) {
+            v->gate[one] = u;
+            int kept = 0; // it moves no other level
+            for (int a = 0; a < v->naction; ++a) {
+                const pm_logger_column *target = &v->column[v->action[a].target];
+                if (v->action[a].input != u || target->kind != PM_LOGGER_LEVEL) {
+                    v->action[kept++] = v->action[a];
+                }
+            }
+            v->naction = kept;
         } else if (guess != PM_LOGGER_AS_FOUND && v->nconverter < PM_LOGGER_ACTIONS) {
             v->converter[v->nconverter++] = (pm_logger_converter){
                 u, one, other,
                 pm_unit_equal(&v->column[one].dimension, &v->column[other].dimension),
                 guess == PM_LOGGER_OPENS_ALONE};
         }
+    }
+}
+
+// Returns how much of level i an outflow explains that input u opens.
+static double gating_of(const pm_logger_samples *w, int u, int i, equations *work) {
+    term_list list = {0};
+    add_term(&list, u, VALUE, i, VALUE);
+    return worth_of(w, i, &list, 0, work, NULL);
+}
+
+// Adds a guess to the LIKELY best ones, whose last place is free.
+static void insert(double worth[LIKELY + 1], pm_logger_guess guess[LIKELY + 1]) {
+    for (int k = LIKELY; k > 0 && worth[k] > worth[k - 1]; --k) {
+        const double more = worth[k];
+        const pm_logger_guess better = guess[k];
+        worth[k] = worth[k - 1], guess[k] = guess[k - 1];
+        worth[k - 1] = more, guess[k - 1] = better;
     }
 }
 
@@ -973,6 +1000,12 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
         pm_logger_guess guess[LIKELY + 1];
         const bool warm = pm_unit_equal(&input->dimension, &kelvin);
         for (int i = 0; i < v->nvariable; ++i) {
+            if (!warm && input->least >= 0 && v->column[i].kind == PM_LOGGER_LEVEL &&
+                v->column[i].source != NULL) {
+                worth[LIKELY] = gating_of(w, u, i, work);
+                guess[LIKELY] = pm_logger_join(PM_LOGGER_GATES, v->column[i].id, v->column[i].id);
+                insert(worth, guess);
+            }
             for (int j = warm ? v->nvariable : i + 1; j < (warm ? v->ncolumn : v->nvariable); ++j) {
                 const pm_logger_column *other = &v->column[j];
                 double slope;
@@ -988,18 +1021,15 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
                 } else {
                     continue;
                 }
-                for (int k = LIKELY; k > 0 && worth[k] > worth[k - 1]; --k) {
-                    const double more = worth[k];
-                    const pm_logger_guess better = guess[k];
-                    worth[k] = worth[k - 1], guess[k] = guess[k - 1];
-                    worth[k - 1] = more, guess[k - 1] = better;
-                }
+                insert(worth, guess);
             }
         }
         for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
             input->other[input->nother++] = guess[k];
         }
-        input->clear = worth[0] > CLEAR;
+        int one, other;
+        input->clear = worth[0] > CLEAR && pm_logger_split(guess[0], &one, &other) > 0 &&
+                       v->column[column_of(v, other)].kind != PM_LOGGER_LEVEL;
     }
 }
 

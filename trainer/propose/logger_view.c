@@ -1110,6 +1110,16 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
                 view->coupling[j][i] > 0 && view->share[j][i] > MOVES &&
                 (c[i].behind == j || view->coupling[j][i] > fabs(view->coupling[i][j]));
         }
+        // All of it falls into the one that shows it most; others may show what falls on.
+        for (int j = 0, into = -1; j < view->nvariable; ++j) {
+            if (view->falls[i][j] && into >= 0) {
+                const bool more = view->share[j][i] > view->share[into][i];
+                view->falls[i][more ? into : j] = false;
+                into = more ? j : into;
+            } else if (view->falls[i][j]) {
+                into = j;
+            }
+        }
     }
     // Velocities turn into each other by a constant where each changes the other one, with opposite
     // signs.

@@ -61,7 +61,8 @@ typedef enum pm_logger_guess {
     // input enters a variable. The two columns are told by pm_logger_join.
     PM_LOGGER_OPENS = PM_LOGGER_PAIRS,
     PM_LOGGER_OPENS_ALONE = 2 * PM_LOGGER_PAIRS,
-    PM_LOGGER_ENTERS = 3 * PM_LOGGER_PAIRS
+    PM_LOGGER_ENTERS = 3 * PM_LOGGER_PAIRS,
+    PM_LOGGER_GATES = 4 * PM_LOGGER_PAIRS // a level, twice: the input opens its outflow
 } pm_logger_guess;
 
 // Joins a guess about an input with the identifiers of two columns, and takes it apart.
@@ -210,6 +211,7 @@ typedef struct pm_logger_view {
     double answer[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j] fluid falls from level i into level j: i moves j, and j does not move i.
     bool falls[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    int gate[PM_LOGGER_COLUMNS]; // of a level: the input that opens its outflow; 0: none does
     bool even, complete; // times are evenly spaced; no sample is missing, all runs are equally long
     bool noisy;          // some variable is
     bool hides;          // some variable is not measured
