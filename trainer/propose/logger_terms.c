@@ -939,13 +939,15 @@ static void take_guesses(const pm_logger_samples *w, equations *work) {
             for (int a = 0; a < v->naction; ++a) {
                 at = v->action[a].input == one && v->action[a].target == other ? a : at;
             }
-            v->naction += at == v->naction && at < PM_LOGGER_ACTIONS;
-            v->action[at < PM_LOGGER_ACTIONS ? at : 0] =
-                (pm_logger_action){.input = one,
-                                   .target = other,
-                                   .effect = PM_LOGGER_COOLS,
-                                   .gain = v->column[other].inertia * slope,
-                                   .enters = u};
+            if (at == PM_LOGGER_ACTIONS) {
+                continue;
+            }
+            v->naction += at == v->naction;
+            v->action[at] = (pm_logger_action){.input = one,
+                                               .target = other,
+                                               .effect = PM_LOGGER_COOLS,
+                                               .gain = v->column[other].inertia * slope,
+                                               .enters = u};
             int kept = 0; // it is no bath of its own
             for (int a = 0; a < v->naction; ++a) {
                 if (v->action[a].input != u || v->action[a].target != other) {
