@@ -54,6 +54,15 @@ static void describe(const pm_logger_view *v) {
     static const char *const effects[] = {
         "drives",       "moves, with a learned factor,", "heats", "heats, with a learned factor,",
         "is a bath of", "acts through a resistance on",  "cools", "flows into"};
+    bool units = false;
+    for (int c = 0; c < v->ncolumn; ++c) {
+        const char *unit = v->column[c].unit;
+        units = units || (*unit != '\0' && strcmp(unit, "1") != 0);
+    }
+    if (!units) {
+        printf("no column has a unit, and units tell what columns are: write, for instance, "
+               "\"phi [rad]\" into the first line of a table\n");
+    }
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
