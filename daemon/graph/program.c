@@ -471,6 +471,7 @@ double pm_program_work(const pm_program *program) {
     double work = 0;
     for (int i = program->nfixed; i < program->ninstruction; ++i) {
         const pm_instruction *x = &program->instruction[i];
+        // PM_FUNCTIONS lists the functions between these two.
         const bool function = x->op >= PM_OP_TANH && x->op <= PM_OP_COS;
         const double each = function                ? FUNCTION
                             : x->op != PM_OP_MATMUL ? 1

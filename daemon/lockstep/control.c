@@ -234,7 +234,7 @@ static pm_status begin(pm_control *control, client *from_client, const portmet_c
         .want_state = run->record[0] != 0 || !pm_scene_may_report_sums(c->scene),
         .observer = observer,
     };
-    // What is restored holds as it did: until the next step, if messages brought it.
+    // Inputs that are restored hold as they did: until the next step, if messages brought them.
     const bool kept =
         r->kind == PORTMET_CONTROL_T_RESTORE && r->nlive > 0 && !c->live.channel[0].set;
     pm_lockstep_coordinator_begin(c, &order);

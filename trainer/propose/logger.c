@@ -337,7 +337,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
 // best ones begins where these ended.
 static pm_status add_laws(hidden_search *s) {
     static const int richer[][2] = {
-        {PM_LOGGER_COUPLING, LINEAR_COUPLING},       {PM_LOGGER_FRICTION, WAVY_FRICTION},
+        {PM_LOGGER_COUPLING, LEARNED_COUPLING},      {PM_LOGGER_FRICTION, WAVY_FRICTION},
         {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},      {PM_LOGGER_INERTIA, LEARNED_INERTIA},
         {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
         {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
@@ -485,18 +485,17 @@ static const char *name_of(const pm_logger_view *v, int id) {
 }
 
 // Tries the best guesses with all trajectories, from where their trial ended, then from the start.
-// Where they cannot be integrated the next best ones take their place.
+// If they cannot be integrated, the next best ones take their place.
 static pm_status confirm(hidden_search *s) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
     const int most = s->most, last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
     const int *const vector[] = {&last};
-    const pm_fit_effort effort = {.tries = TRIES,
-                                  .try_iterations = 4,
-                                  .samples = FEWEST_SAMPLES,
-                                  .iterations = STEPS,
-                                  .stages = 1,
-                                  .seconds = LEAST,
-                                  .whole = true};
+    pm_fit_effort effort = {.tries = TRIES,
+                            .try_iterations = 4,
+                            .samples = FEWEST_SAMPLES,
+                            .iterations = STEPS,
+                            .stages = 1,
+                            .seconds = LEAST};
     s->start = found_by_best(s);
     if (most == 0 || most == s->dataset->ntrajectory || last < s->count) {
         return PM_OK;
@@ -508,6 +507,7 @@ static pm_status confirm(hidden_search *s) {
         memcpy(s->chosen[last], s->chosen[s->best], sizeof s->chosen[0]);
         for (int k = 0; k < 2 && !fits && status == PM_OK; ++k) {
             s->found[last] = k == 0 ? found_by_best(s) : NULL;
+            effort.whole = s->found[last] != NULL && !s->short_of_time;
             status = pm_search_try(&space, 1, vector, &effort, SAFETY * LEAST + ENDED, NULL,
                                    s->hints->stop, &s->trial[last], &s->used);
             fits = !s->trial[last].failed;

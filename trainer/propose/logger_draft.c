@@ -879,7 +879,8 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             }
             if (v->gate[i] == input && v->column[i].part == part && (lossy == 1 || falls_on)) {
                 fputs(some ? ", " : first, w->model);
-                some = pm_logger_write_gate(w, i, input, lossy == 1);
+                pm_logger_write_gate(w, i, input, lossy == 1);
+                some = true;
             }
         }
         for (int k = 0; k < v->nconverter; ++k) {

@@ -917,9 +917,10 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                 if (crank) {
                     write_lever(w, both, "", part, false, -1, pm_logger_between(w, a, b));
                 }
-                // As in a machine whose magnets and currents turn it.
+                // Flows couple others, as the currents of a machine do that its magnets turn.
                 for (int k = 0;
-                     k < w->v->nvariable && w->chosen[PM_LOGGER_COUPLING] == LINEAR_COUPLING; ++k) {
+                     k < w->v->nvariable && w->chosen[PM_LOGGER_COUPLING] == LEARNED_COUPLING;
+                     ++k) {
                     const pm_logger_column *y = &w->v->column[k];
                     if (pm_logger_is(w->v, k, part, PM_LOGGER_FLOW)) {
                         char by[2 * PM_LOGGER_TEXT];
@@ -1319,7 +1320,7 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
     return text;
 }
 
-bool pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses) {
+void pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses) {
     const pm_logger_view *v = w->v;
     const pm_logger_column *h = &v->column[level], *u = &v->column[input];
     char flow[PM_LOGGER_LONG_TEXT], name[PM_LOGGER_TEXT];
@@ -1341,5 +1342,4 @@ bool pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses)
         write_opening(w, name, u);
         fprintf(w->model, "/sqrt(a.%s^2 + %.4g)*b.dE.s\"]", h->name, rest);
     }
-    return true;
 }

@@ -16,7 +16,7 @@
 enum { BENT_FRICTION, WAVY_FRICTION, DRY_FRICTION, QUADRATIC_FRICTION, LINEAR_FRICTION };
 enum { SUMS_OF_POSITIONS, NETWORK_OF_POSITIONS, SPRINGS_OF_ANGLES };
 enum { SHOWN_INERTIA, CONSTANT_INERTIA, LEARNED_INERTIA };
-enum { CONSTANT_COUPLING, LINEAR_COUPLING };
+enum { CONSTANT_COUPLING, LEARNED_COUPLING };
 enum { SHOWN_CAPACITY, CONSTANT_CAPACITY, LEARNED_CAPACITY };
 enum { RADIATION, CONVECTION, CONSTANT_CONDUCTION };
 enum { POWERS_OF_LEVELS, NETWORKS_OF_LEVELS };
@@ -179,7 +179,7 @@ const char *pm_logger_spill(pm_logger_writer *w, char *text, size_t size,
                             const pm_logger_column *h);
 
 // Writes what falls from a level through an outflow that an input opens: with loss, or into the
-// levels below. Returns true.
-bool pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses);
+// levels below.
+void pm_logger_write_gate(pm_logger_writer *w, int level, int input, bool loses);
 
 #endif

@@ -98,8 +98,8 @@ typedef struct pm_logger_column {
     int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
     int part;            // of variables; -1: an input
     pm_logger_guess guess; // of measured variables
-    // What else a variable may be, or an input do, in the order in which it is believed, and
-    // whether the first is tried first.
+    // These are what else a variable may be, or an input do, in the order in which they are
+    // believed; `clear` tells whether the first of them is tried before what is found.
     int nother;
     pm_logger_guess other[PM_LOGGER_NGUESS];
     bool clear;
