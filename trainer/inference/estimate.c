@@ -141,6 +141,61 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
     return status;
 }
 
+// Returns what a start leaves of the measurements of its track, one window, and of its prior.
+static double left_by(const pm_shooting *s, int id, const double *noise) {
+    const pm_track *track = &s->tracks->track[id];
+    double sum = 0;
+    for (ptrdiff_t i = 0; i < (ptrdiff_t)track->count * s->ny; ++i) {
+        const double r = isfinite(track->y[i]) ? s->residual[id][i] / noise[i % s->ny] : 0;
+        sum += r * r;
+    }
+    for (int c = 0; c < s->nz; ++c) {
+        const double away = s->z[(ptrdiff_t)id * s->nz + c] - s->observation->guess[c];
+        sum += s->terms.prior[c] > 0 ? away * away / (s->terms.prior[c] * s->terms.prior[c]) : 0;
+    }
+    return isfinite(sum) ? sum : INFINITY;
+}
+
+// Seeks the starts in short windows that grow, and in whole tracks from the guess at once: each may
+// end where the other does not, as dry friction makes many minima. Of each track it takes what
+// leaves less. The shooting then has the starts, each track as one window.
+static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuation *continuation) {
+    const int first[] = {0, pm_continuation_longest(s)}, substeps = s->how.substeps;
+    double *least = pm_arena_array(&e->arena, (size_t)e->count, sizeof *least);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    pm_status result = PM_ENUMERIC;
+    for (int way = 0; way < 2; ++way) {
+        pm_continuation own = *continuation;
+        own.first = first[way];
+        pm_shooting_set_substeps(s, substeps); // those of a continuation that failed may be fewer
+        pm_shooting_clear(s);
+        const pm_status status = pm_continuation_run(s, &own, NULL);
+        if (status == PM_ENUMERIC) {
+            continue;
+        }
+        PM_TRY(status);
+        PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
+        pm_shooting_evaluate(s, s->z, false);
+        PM_TRY(s->failed);
+        if (result != PM_OK) {
+            memcpy(e->noise, s->terms.noise, (size_t)e->ny * sizeof *e->noise);
+        }
+        for (int i = 0; i < e->count; ++i) {
+            const double left = left_by(s, i, e->noise);
+            if (result != PM_OK || left < least[i]) {
+                least[i] = left;
+                memcpy(e->start + (ptrdiff_t)i * e->nz, s->z + (ptrdiff_t)i * e->nz,
+                       (size_t)e->nz * sizeof *e->start);
+            }
+        }
+        result = PM_OK;
+    }
+    PM_TRY(result);
+    memcpy(s->z, e->start, (size_t)e->count * (size_t)e->nz * sizeof *s->z);
+    pm_shooting_evaluate(s, s->z, false);
+    return s->failed;
+}
+
 static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
                              const pm_dataset *dataset, const int *which,
                              const pm_estimate_how *how, start_uncertainty *start) {
@@ -162,15 +217,8 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     set_priors(&shooting, o, how->uncertainty);
     const pm_continuation continuation = {
         .given = given, .typical = o->deviation, .stop = how->stop, .brief = true};
-    PM_TRY_DONE(pm_continuation_run(&shooting, &continuation, NULL));
-    for (int w = 0; w < shooting.nwindow; ++w) {
-        if (!shooting.window[w].follows) {
-            memcpy(e->start + (ptrdiff_t)shooting.window[w].track * e->nz,
-                   shooting.z + (ptrdiff_t)w * e->nz, (size_t)e->nz * sizeof *e->start);
-        }
-    }
+    PM_TRY_DONE(seek_starts(e, &shooting, &continuation));
     e->work = shooting.work;
-    memcpy(e->noise, shooting.terms.noise, (size_t)e->ny * sizeof *e->noise);
     if (how->uncertainty != NULL) {
         status = find_uncertainty(e, system, o, &tracks, &shooting, how->uncertainty, start);
     }
