@@ -88,6 +88,20 @@ for i in 1 2 3 4 5 6 7 8; do
 done
 succeed "opens the outflow of h1" propose --budget 8 --data "$folder"/noisy_?.csv --inputs valve -o "$folder/tanks"
 
+# An input that looks smooth is held between samples, as a trial shows, or it is not.
+write held 8 "v [m/s],F [N]" "n = 2; p = 6*rand(); y[1] = 2*rand() - 1; y[2] = sin(p)" \
+    "y[1] += h*(10*y[2] - 2*y[1])/0.8; if (j == 19) y[2] = sin(0.3*(k + 1) + p)"
+write smooth 8 "v [m/s],F [N]" "n = 2; p = 6*rand(); y[1] = 2*rand() - 1; y[2] = sin(p)" \
+    "y[1] += h*(10*sin(0.3*(k + (j + 0.5)/20) + p) - 2*y[1])/0.8; if (j == 19) y[2] = sin(0.3*(k + 1) + p)"
+for name in held smooth; do
+    for i in 1 2 3 4 5 6 7 8; do
+        awk -F, -v OFS=, -v seed=$i 'BEGIN { srand(seed) } NR > 1 { $2 += 0.04*(rand() - 0.5) } 1' "$folder/${name}_$i.csv" >"$folder/noisy_$i.csv"
+    done
+    succeed "wrote" propose --budget 8 --data "$folder"/noisy_?.csv --inputs F -o "$folder/$name"
+    hold=$(test $name = held && echo previous || echo smooth)
+    grep -q "hold: $hold" "$folder/$name/scene.yaml" || fail "propose: expected hold: $hold"
+done
+
 # A damper whose resistance is three times as large in one direction.
 write damper 6 "v [m/s],F [N]" "n = 1; driven = 1; y[1] = 2*rand() - 1" "y[1] += h*(10*u - (y[1] > 0 ? 6 : 2)*y[1])/0.8"
 succeed "wrote" propose --budget 0 --data "$folder"/damper_?.csv --inputs F -o "$folder/damper"

@@ -33,9 +33,12 @@ typedef struct pm_fit_effort {
 // How good the weights of a fit are on the validation part, or on the training part where there is
 // none. Errors as fractions; NAN: not measured; infinite: not finite.
 typedef struct pm_fit_score {
-    double step;       // of the change over one step: the geometric mean over groups
-    double rollout;    // states: relative to persistence, the geometric mean over groups;
-                       // measurements: relative to the deviation, the geometric mean over columns
+    double step;    // of the change over one step: the geometric mean over groups
+    double rollout; // states: relative to persistence, the geometric mean over groups;
+                    // measurements: relative to the deviation, the geometric mean over columns
+    // Measurements: the negative logarithm of the likelihood of the training part, but for a
+    // constant; NAN: the fit was ended.
+    double misfit;
     double production; // of the entropy produced over a rollout: the median
     // States: of each group in the order of the scene, of one step, or where that is not measured
     // of rollouts relative to persistence; 0: the group does not change, or is not measured.
@@ -100,6 +103,7 @@ typedef struct pm_fit_measured {
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
     double huber;       // pm_shooting_terms.huber unless windows begin as whole trajectories
     double seconds;     // of CPU time on a nominal machine, that fit and score have taken
+    double misfit;      // pm_fit_score.misfit
     int longest;        // samples of the longest track
     long used, samples; // number of samples that the fit uses, and of all samples
 } pm_fit_measured;

@@ -818,6 +818,7 @@ static pm_status run(pm_fit *f) {
     PM_TRY_DONE(pm_shooting_open(&shooting, &how, &tracks));
     pm_trained_scatter(f->training->system, f->theta);
     f->measured.huber = shooting.terms.huber;
+    f->measured.misfit = NAN;
     continuation_context context = {.fit = f, .shooting = &shooting};
     pm_continuation continuation = {.given = m->noise,
                                     .typical = m->typical,
@@ -880,6 +881,20 @@ static pm_status run(pm_fit *f) {
         f->theta[i] = out ? f->declared[i] : f->theta[i];
     }
     pm_shooting_set_weights(&shooting, f->theta);
+    // The likelihood of the last residuals, each column with their root mean square as its noise.
+    f->measured.misfit = 0;
+    for (int c = 0; c < shooting.ny; ++c) {
+        double square = 0, n = 0;
+        for (int i = 0; i < tracks.count; i += shooting.stride) {
+            const pm_track *track = &tracks.track[i];
+            for (ptrdiff_t k = c; k < (ptrdiff_t)track->count * shooting.ny; k += shooting.ny) {
+                const double r = shooting.residual[i][k];
+                square += isfinite(track->y[k]) ? r * r : 0;
+                n += isfinite(track->y[k]);
+            }
+        }
+        f->measured.misfit += n > 0 ? n * log(sqrt(square / n)) : 0;
+    }
     status = f->arguments->effort == NULL ? find_uncertainty(f, &shooting, true) : PM_OK;
 done:
     if (status == PM_EINTERRUPTED && context.ended) { // a short fit
@@ -1104,6 +1119,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
         }
     }
     score->rollout = exp(sum / m->observation.count);
+    score->misfit = m->misfit;
     pm_estimate_free(&e);
     return PM_OK;
 }

@@ -141,21 +141,6 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
     return status;
 }
 
-// Returns what a start leaves of the measurements of its track, one window, and of its prior.
-static double left_by(const pm_shooting *s, int id, const double *noise) {
-    const pm_track *track = &s->tracks->track[id];
-    double sum = 0;
-    for (ptrdiff_t i = 0; i < (ptrdiff_t)track->count * s->ny; ++i) {
-        const double r = isfinite(track->y[i]) ? s->residual[id][i] / noise[i % s->ny] : 0;
-        sum += r * r;
-    }
-    for (int c = 0; c < s->nz; ++c) {
-        const double away = s->z[(ptrdiff_t)id * s->nz + c] - s->observation->guess[c];
-        sum += s->terms.prior[c] > 0 ? away * away / (s->terms.prior[c] * s->terms.prior[c]) : 0;
-    }
-    return isfinite(sum) ? sum : INFINITY;
-}
-
 // Seeks the starts in short windows that grow, and in whole tracks from the guess at once: each may
 // end where the other does not, as dry friction makes many minima. Of each track it takes what
 // leaves less. The shooting then has the starts, each track as one window.
@@ -181,11 +166,21 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
             memcpy(e->noise, s->terms.noise, (size_t)e->ny * sizeof *e->noise);
         }
         for (int i = 0; i < e->count; ++i) {
-            const double left = left_by(s, i, e->noise);
+            const pm_track *track = &s->tracks->track[i];
+            const double *start = s->z + (ptrdiff_t)i * e->nz;
+            double left = 0; // of the measurements and of the prior
+            for (ptrdiff_t k = 0; k < (ptrdiff_t)track->count * e->ny; ++k) {
+                const double r = s->residual[i][k] / e->noise[k % e->ny];
+                left += isfinite(track->y[k]) ? r * r : 0;
+            }
+            for (int c = 0; c < e->nz; ++c) {
+                const double prior = s->terms.prior[c], away = start[c] - s->observation->guess[c];
+                left += prior > 0 ? away * away / (prior * prior) : 0;
+            }
+            left = isfinite(left) ? left : INFINITY;
             if (result != PM_OK || left < least[i]) {
                 least[i] = left;
-                memcpy(e->start + (ptrdiff_t)i * e->nz, s->z + (ptrdiff_t)i * e->nz,
-                       (size_t)e->nz * sizeof *e->start);
+                memcpy(e->start + (ptrdiff_t)i * e->nz, start, (size_t)e->nz * sizeof *start);
             }
         }
         result = PM_OK;

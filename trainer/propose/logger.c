@@ -40,6 +40,7 @@
 #define DRIVEN 0.05
 #define ACTS 2e-3
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
+#define LIKELIER 3 // logarithm of how many times likelier what inputs are between samples must be
 #define PERCENT 100
 
 // Prints what was found, one line for each column.
@@ -214,6 +215,13 @@ typedef struct hidden_search {
     bool short_of_time; // the first trial had not ended in its time
 } hidden_search;
 
+// Takes what is chosen of inputs between samples over into the view.
+static void take_holds(pm_logger_view *v, const int *chosen) {
+    for (int u = v->nvariable; u < v->ncolumn && chosen[PM_LOGGER_HOLD] > 0; ++u) {
+        v->column[u].held = true;
+    }
+}
+
 // Writes the scene and the training file of a trial into one folder.
 static pm_status write_trial(void *context, const int *chosen, const char *comment,
                              const char *path) {
@@ -227,6 +235,7 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
+    take_holds(&draft.view, s->chosen[*chosen]);
     draft.scene_path = scene;
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
              path);
@@ -438,6 +447,32 @@ static pm_status find_columns(hidden_search *s, column_group group) {
     return PM_OK;
 }
 
+// Tries whether inputs that look smooth are held between samples, or no longer are. Neither is
+// richer than the other, so that the likelier one is taken, however little the errors differ beside
+// the noise.
+static pm_status find_holds(hidden_search *s) {
+    const double budget = s->hints->budget;
+    const char *name;
+    const char *const *alternative;
+    const int from = s->count, before = s->best;
+    if (pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) == 1 ||
+        from == MOST_TRIALS || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget) {
+        return PM_OK;
+    }
+    memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
+    memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
+    s->chosen[from][PM_LOGGER_HOLD] = 1 - s->chosen[before][PM_LOGGER_HOLD];
+    s->found[s->count++] = found_by_best(s);
+    PM_TRY(try_guesses(s, from));
+    const bool likelier =
+        s->most == 0 ? error_of(s, from) < error_of(s, before)
+                     : s->trial[from].score.misfit < s->trial[before].score.misfit - LIKELIER;
+    if (!s->trial[from].failed && likelier) {
+        s->best = from;
+    }
+    return PM_OK;
+}
+
 // Tries what may be hidden, and other laws.
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
@@ -447,7 +482,7 @@ static pm_status find_hidden(hidden_search *s) {
         s->count = 1;
         PM_TRY(try_guesses(s, 0));
         if (explains(s)) {
-            return PM_OK;
+            return find_holds(s);
         }
     }
     s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
@@ -461,6 +496,8 @@ static pm_status find_hidden(hidden_search *s) {
     // A hidden variable that is missing leaves a large error, and a law that is not quite right
     // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
     // comes last.
+    PM_TRY(find_holds(s));
+    const int first = s->best;
     PM_TRY(find_inputs(s));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
@@ -472,7 +509,9 @@ static pm_status find_hidden(hidden_search *s) {
             PM_TRY(find_columns(s, MOVING));
         }
     }
-    return find_columns(s, THERMAL);
+    PM_TRY(find_columns(s, THERMAL));
+    // A better model may tell otherwise.
+    return s->best != first ? find_holds(s) : PM_OK;
 }
 
 // Returns the name of the column of this identifier.
@@ -636,7 +675,9 @@ static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hint
         const char *name;
         const char *const *alternative;
         const int count = pm_logger_alternatives(v, (pm_logger_choice)k, &name, &alternative);
-        const int id = pm_hypotheses_add(&laws->space, name, count, alternative);
+        const int id = k == PM_LOGGER_HOLD
+                           ? -1 // the scene has it
+                           : pm_hypotheses_add(&laws->space, name, count, alternative);
         if (id >= 0) {
             laws->choice[id] = (pm_logger_choice)k;
         }
@@ -688,6 +729,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     looked = false;
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
     looked = true;
+    take_holds(&draft.view, search->chosen[search->best]);
     describe(&draft.view);
     name_inputs(&draft.view);
     draft.data_path = data;

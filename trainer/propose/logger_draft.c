@@ -156,12 +156,17 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      3,
      {"a power of the temperature, radiation and convection", "constant and convection",
       "constant"}},
-    {"flow between levels", 2, {"powers of levels", "learned"}}};
+    {"flow between levels", 2, {"powers of levels", "learned"}},
+    {"inputs between samples", 2, {"as they look", "held"}}};
 
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
                            const char *const **alternative) {
     int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0, pairs = 0;
     bool springs = false; // an angle may have one, and has none yet
+    bool smooth = false;
+    for (int u = v->nvariable; u < v->ncolumn; ++u) {
+        smooth = smooth || !v->column[u].held;
+    }
     for (int c = 0; c < v->nvariable; ++c) {
         const pm_logger_column *column = &v->column[c];
         springs = springs || (column->kind == PM_LOGGER_POSITION && !column->springs &&
@@ -181,7 +186,8 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
                                           pairs > 1,
                                           temperatures + levels + others > 0,
                                           temperatures > 0,
-                                          levels > 0};
+                                          levels > 0,
+                                          smooth};
     *name = choices[which].name;
     *alternative = choices[which].alternative;
     return !some[which] ? 1 : choices[which].count - (which == PM_LOGGER_POTENTIAL && !springs);
