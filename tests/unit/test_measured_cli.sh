@@ -51,7 +51,7 @@ END
 succeed "4 trajectories of at most 250 samples, columns angle" import "$folder"/swing_?.csv -o "$folder/swing.h5"
 succeed "uneven" inspect "$folder/swing.h5"
 grep -qE "^angle +rad +888 +112 " "$folder/out" || fail "inspect: expected 888 samples, 112 missing"
-succeed "arm.useless: the data do not fix it" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
+succeed "arm: the data do not fix useless" fit "$folder/training.yaml" --data "$folder/swing.h5" -o "$folder/weights"
 grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 grep -qE "^  arm.viscous = 0.(19[5-9]|20[0-5])" "$folder/out" || fail "fit: expected a friction of 0.2"
 grep -q "arm.s: the data do not fix its start" "$folder/out" || fail "fit: the entropy is fixed by nothing"
@@ -69,7 +69,7 @@ h5dump -H -d /state_deviation "$folder/y.h5" | grep -q "( 1, 250, 3 )" || fail "
 numbers() {
     h5dump -y -w 1 -d /y "$1" | awk '/^ *DATA [{]/ { inside = 1; next } inside && /}/ { exit } inside && NF { gsub(/[ ,]/, ""); print }'
 }
-succeed "arm.useless: the data do not fix it" fit "$folder/training.yaml" --data "$folder"/swing_?.csv -o "$folder/tables"
+succeed "arm: the data do not fix useless" fit "$folder/training.yaml" --data "$folder"/swing_?.csv -o "$folder/tables"
 h5diff "$folder/weights/arm.h5" "$folder/tables/arm.h5" /parameters || fail "fit to tables: other weights"
 succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/tables" --data "$folder/swing_4.csv" --estimate 1.5 \
     --record "$folder/t.h5"

@@ -250,9 +250,11 @@ static pm_status write_record(const prediction *j, const char *path) {
     double *y = pm_arena_array(&arena, rows * (size_t)d->ncolumn, sizeof *y);
     double *t = pm_arena_array(&arena, rows, sizeof *t);
     double *number = pm_arena_array(&arena, (size_t)j->count, sizeof *number);
-    const char **unit = pm_arena_array(&arena, (size_t)d->ncolumn, sizeof *unit);
+    const char **unit = NULL;
     pm_hdf5 *file = NULL;
     pm_status status;
+    PM_TRY_DONE(pm_dataset_units(d, &arena, &unit));
+    unit = unit != NULL ? unit : pm_arena_array(&arena, (size_t)d->ncolumn, sizeof *unit);
     PM_TRY_DONE(pm_arena_status(&arena, "predictions"));
     PM_TRY_DONE(pm_hdf5_create(&file, path, PM_HDF5_ATOMIC));
     for (size_t i = 0; i < rows * (size_t)d->ncolumn; ++i) {
@@ -268,11 +270,8 @@ static pm_status write_record(const prediction *j, const char *path) {
         number[i / (size_t)d->ntime] = j->which[i / (size_t)d->ntime];
     }
     for (int c = 0; c < d->ncolumn; ++c) {
-        unit[c] = "";
-    }
-    for (int c = 0; c < e->ny; ++c) {
-        unit[j->observation.column[c]] =
-            j->observation.unit[c] == NULL ? "" : j->observation.unit[c];
+        const char *from = d->change == NULL ? NULL : d->change[c].from; // the unit of y
+        unit[c] = from != NULL ? from : unit[c] != NULL ? unit[c] : "";
     }
     PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "columns", d->ncolumn, d->column));
     PM_TRY_DONE(pm_hdf5_write_texts(file, "/", "units", d->ncolumn, unit));

@@ -29,6 +29,7 @@
 
 #define MOST_DIRECTIONS 500 // beyond which eigenvectors take too long
 #define MOST_PRINTED 6      // directions
+#define MOST_FACTOR 1000.0  // a larger one of a constant is not printed as a number
 #define UNFIXED 0.25        // standard deviation along a direction that the data do not fix
 #define SINGLE 0.95         // part of the square of a direction that makes it one constant
 #define NAMED 0.15          // of the largest change, at least, of the constants that are named
@@ -304,12 +305,16 @@ done:
 
 // --- words ---
 
-// Prints the constants of one component and counts its other weights that only the prior fixes.
+// Prints the constants of one component, those that only the prior fixes in one line, and counts its
+// other weights that only the prior fixes.
 static void print_component(const pm_uncertainty *u, const pm_shooting *s, int id, size_t *at) {
     const pm_params *params = pm_system_params(s->how.system, id);
     const char *name = pm_trained_name(s->how.system, id);
+    char *unfixed = NULL;
+    size_t size = 0;
+    FILE *list = open_memstream(&unfixed, &size);
     int loose = 0, all = 0;
-    for (int k = 0; k < params->count; ++k) {
+    for (int k = 0; k < params->count && list != NULL; ++k) {
         const pm_param_entry *entry = &params->entry[k];
         const bool constant = strncmp(entry->name, "constant.", 9) == 0;
         for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++*at) {
@@ -321,8 +326,8 @@ static void print_component(const pm_uncertainty *u, const pm_shooting *s, int i
                 loose += prior;
                 ++all;
             } else if (prior) {
-                printf("  %s.%s: the data do not fix it (%.3g)\n", name, entry->name + 9,
-                       logarithm ? exp(value) : value);
+                fprintf(list, "%s %s (%.3g)", ftell(list) > 0 ? "," : "", entry->name + 9,
+                        logarithm ? exp(value) : value);
             } else if (logarithm) {
                 printf("  %s.%s = %.5g, standard deviation %.2g %%\n", name, entry->name + 9,
                        exp(value), 100 * deviation);
@@ -332,6 +337,10 @@ static void print_component(const pm_uncertainty *u, const pm_shooting *s, int i
             }
         }
     }
+    if (list != NULL && fclose(list) == 0 && size > 0) {
+        printf("  %s: the data do not fix%s\n", name, unfixed);
+    }
+    free(unfixed);
     if (loose > 0) {
         printf("  %s: %d of %d weights of its networks follow from the prior alone\n", name, loose,
                all);
@@ -447,7 +456,9 @@ pm_status pm_identifiability_print(const pm_uncertainty *u, const pm_shooting *s
                 }
                 printf("%s %s.%s ", before, d.list[i].component, d.list[i].name);
                 before = ",";
-                if (d.list[i].logarithm) {
+                if (d.list[i].logarithm && fabs(change) > log(MOST_FACTOR)) {
+                    printf("x anything");
+                } else if (d.list[i].logarithm) {
                     printf("x %.2g", exp(change));
                 } else {
                     printf("%+.2g", change * d.list[i].unit);
