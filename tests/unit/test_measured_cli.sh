@@ -76,6 +76,11 @@ succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/tables" --d
 numbers "$folder/y.h5" >"$folder/y.txt"
 numbers "$folder/t.h5" | cmp -s - "$folder/y.txt" || fail "evaluate of a table: other predictions"
 sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/direct.yaml"
+# A trajectory that no start follows spoils no other.
+awk -F'; ' -v OFS='; ' 'NR > 2 && $2 != "" { $2 = $2 "e200" } { print }' "$folder/swing_4.csv" >"$folder/huge.csv"
+succeed "unseen" evaluate "$folder/direct.yaml" --weights "$folder/tables" --data "$folder/swing_4.csv" "$folder/huge.csv" --estimate 1.5
+grep -qE "trajectory 0 +angle [0-9.]+$" "$folder/out" || fail "evaluate: the first trajectory can be followed"
+grep -qE "trajectory 1 +angle inf" "$folder/out" || fail "evaluate: nothing follows the second trajectory"
 awk -F'; ' -v OFS='; ' 'NR == 2 { sub("rad", "deg") } NR > 2 && $2 != "" { $2 = sprintf("%.12g", $2*57.295779513082323) } { print }' \
     "$folder/swing_4.csv" >"$folder/degrees.csv"
 succeed "unseen" evaluate "$folder/direct.yaml" --weights "$folder/weights" --data "$folder/swing_4.csv" --estimate 1.5 --record "$folder/y.h5"

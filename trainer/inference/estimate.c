@@ -143,7 +143,7 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
 
 // Seeks the starts in short windows that grow, and in whole tracks from the guess at once: each may
 // end where the other does not, as dry friction makes many minima. Of each track it takes what
-// leaves less. The shooting then has the starts, each track as one window.
+// leaves less.
 static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuation *continuation) {
     const int first[] = {0, pm_continuation_longest(s)}, substeps = s->how.substeps;
     double *least = pm_arena_array(&e->arena, (size_t)e->count, sizeof *least);
@@ -185,10 +185,37 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
         }
         result = PM_OK;
     }
-    PM_TRY(result);
-    memcpy(s->z, e->start, (size_t)e->count * (size_t)e->nz * sizeof *s->z);
-    pm_shooting_evaluate(s, s->z, false);
-    return s->failed;
+    return result;
+}
+
+// Seeks the start of one trajectory after the other, so that those that cannot be followed, of
+// which it takes the measurements and the guess, spoil no others. PM_ENUMERIC: it is none.
+static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivity_how *how,
+                             const pm_continuation *continuation) {
+    pm_status result = PM_ENUMERIC;
+    for (int i = 0; i < e->count; ++i) {
+        double *start = e->start + (ptrdiff_t)i * e->nz;
+        pm_estimate own = {.count = 1, .ny = e->ny, .nz = e->nz, .start = start, .noise = e->noise};
+        pm_tracks track = *s->tracks;
+        pm_shooting one = {0};
+        track.count = 1;
+        track.track += i;
+        pm_status status = pm_shooting_open(&one, how, &track);
+        if (status == PM_OK) {
+            memcpy(one.terms.prior, s->terms.prior, (size_t)e->nz * sizeof *one.terms.prior);
+            status = seek_starts(&own, &one, continuation);
+        }
+        s->work += one.work;
+        pm_shooting_close(&one);
+        pm_arena_free(&own.arena);
+        if (status == PM_ENUMERIC) {
+            pm_track_sample_states(s->tracks, i, how->system->scene, s->observation, 0, 1, start);
+        } else {
+            PM_TRY(status);
+            result = PM_OK;
+        }
+    }
+    return result;
 }
 
 static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
@@ -212,7 +239,15 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     set_priors(&shooting, o, how->uncertainty);
     const pm_continuation continuation = {
         .given = given, .typical = o->deviation, .stop = how->stop, .brief = true};
-    PM_TRY_DONE(seek_starts(e, &shooting, &continuation));
+    status = seek_starts(e, &shooting, &continuation);
+    if (status == PM_ENUMERIC && e->count > 1) {
+        status = seek_singly(e, &shooting, &own, &continuation);
+    }
+    PM_TRY_DONE(status);
+    PM_TRY_DONE(pm_shooting_divide(&shooting, INT_MAX / 4)); // each track is one window
+    memcpy(shooting.z, e->start, (size_t)e->count * (size_t)e->nz * sizeof *e->start);
+    pm_shooting_evaluate(&shooting, shooting.z, false);
+    PM_TRY_DONE(shooting.failed);
     e->work = shooting.work;
     if (how->uncertainty != NULL) {
         status = find_uncertainty(e, system, o, &tracks, &shooting, how->uncertainty, start);

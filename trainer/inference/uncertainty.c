@@ -305,8 +305,8 @@ done:
 
 // --- words ---
 
-// Prints the constants of one component, those that only the prior fixes in one line, and counts its
-// other weights that only the prior fixes.
+// Prints the constants of one component, those that only the prior fixes in one line, and counts
+// its other weights that only the prior fixes.
 static void print_component(const pm_uncertainty *u, const pm_shooting *s, int id, size_t *at) {
     const pm_params *params = pm_system_params(s->how.system, id);
     const char *name = pm_trained_name(s->how.system, id);

@@ -215,8 +215,15 @@ typedef struct hidden_search {
     bool short_of_time; // the first trial had not ended in its time
 } hidden_search;
 
-// Takes what is chosen of inputs between samples over into the view.
-static void take_holds(pm_logger_view *v, const int *chosen) {
+// Takes what is chosen of inputs between samples and of inertias over into the view.
+static void take_choices(pm_logger_view *v, const int *chosen) {
+    const bool sums = chosen[PM_LOGGER_INERTIA] == SUMMED_INERTIA;
+    for (int c = 0; c < v->nvariable && sums; ++c) {
+        v->turns[c] = v->turns[c] || pm_logger_hides_turning(v, c);
+    }
+    for (int i = 0; i < v->npart; ++i) {
+        v->inertial[i] = v->inertial[i] || sums;
+    }
     for (int u = v->nvariable; u < v->ncolumn && chosen[PM_LOGGER_HOLD] > 0; ++u) {
         v->column[u].held = true;
     }
@@ -235,7 +242,7 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
-    take_holds(&draft.view, s->chosen[*chosen]);
+    take_choices(&draft.view, s->chosen[*chosen]);
     draft.scene_path = scene;
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
              path);
@@ -347,9 +354,9 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
 static pm_status add_laws(hidden_search *s) {
     static const int richer[][2] = {
         {PM_LOGGER_COUPLING, LEARNED_COUPLING},      {PM_LOGGER_FRICTION, WAVY_FRICTION},
-        {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},      {PM_LOGGER_INERTIA, LEARNED_INERTIA},
-        {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
-        {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+        {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},      {PM_LOGGER_INERTIA, SUMMED_INERTIA},
+        {PM_LOGGER_INERTIA, LEARNED_INERTIA},        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
+        {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int *chosen = s->chosen[s->best];
     pm_logger_hints hints = *s->hints;
     pm_logger_view view;
@@ -389,9 +396,9 @@ static pm_status find_laws(hidden_search *s) {
     return PM_OK;
 }
 
-// Tries what inputs may set, the best of all again and again.
-static pm_status find_inputs(hidden_search *s) {
-    for (int before = -1; s->best != before && !is_over(s);) {
+// Tries what inputs may set, the best of all again and again, at most `most` times.
+static pm_status find_inputs(hidden_search *s, int most) {
+    for (int before = -1, pass = 0; pass < most && s->best != before && !is_over(s); ++pass) {
         const int from = s->count;
         before = s->best;
         pm_logger_hints hints = *s->hints;
@@ -495,10 +502,10 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(try_guesses(s, 0));
     // A hidden variable that is missing leaves a large error, and a law that is not quite right
     // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
-    // comes last.
+    // comes last. It may have hidden what inputs set.
     PM_TRY(find_holds(s));
     const int first = s->best;
-    PM_TRY(find_inputs(s));
+    PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
@@ -507,9 +514,10 @@ static pm_status find_hidden(hidden_search *s) {
         } else {
             PM_TRY(find_columns(s, UNPLACED));
             PM_TRY(find_columns(s, MOVING));
+            PM_TRY(find_columns(s, THERMAL));
         }
     }
-    PM_TRY(find_columns(s, THERMAL));
+    PM_TRY(find_inputs(s, MOST_TRIALS));
     // A better model may tell otherwise.
     return s->best != first ? find_holds(s) : PM_OK;
 }
@@ -729,7 +737,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     looked = false;
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
     looked = true;
-    take_holds(&draft.view, search->chosen[search->best]);
+    take_choices(&draft.view, search->chosen[search->best]);
     describe(&draft.view);
     name_inputs(&draft.view);
     draft.data_path = data;

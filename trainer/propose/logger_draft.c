@@ -145,9 +145,9 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      {"a sum over positions", "a network of all positions",
       "a sum over positions, with springs of angles"}},
     {"inertia",
-     3,
+     4,
      {"sums over positions where velocities or inputs show it", "constant",
-      "a network of positions"}},
+      "a network of positions", "sums over positions"}},
     {"coupling of flows", 2, {"constant", "of what flows"}},
     {"capacities",
      3,
@@ -163,7 +163,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
                            const char *const **alternative) {
     int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0, pairs = 0;
     bool springs = false; // an angle may have one, and has none yet
-    bool smooth = false;
+    bool smooth = false, unshown = false;
     for (int u = v->nvariable; u < v->ncolumn; ++u) {
         smooth = smooth || !v->column[u].held;
     }
@@ -171,6 +171,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
         const pm_logger_column *column = &v->column[c];
         springs = springs || (column->kind == PM_LOGGER_POSITION && !column->springs &&
                               pm_logger_may_spring(column));
+        unshown = unshown || pm_logger_hides_turning(v, c);
         flows += column->kind == PM_LOGGER_FLOW;
         mechanical += column->kind == PM_LOGGER_POSITION;
         temperatures += column->kind == PM_LOGGER_TEMPERATURE;
@@ -182,7 +183,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
     }
     const bool some[PM_LOGGER_NCHOICE] = {flows > 0,
                                           mechanical > 0,
-                                          mechanical > 1,
+                                          mechanical > 0,
                                           pairs > 1,
                                           temperatures + levels + others > 0,
                                           temperatures > 0,
@@ -190,7 +191,9 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
                                           smooth};
     *name = choices[which].name;
     *alternative = choices[which].alternative;
-    return !some[which] ? 1 : choices[which].count - (which == PM_LOGGER_POTENTIAL && !springs);
+    const bool fewer =
+        which == PM_LOGGER_POTENTIAL ? !springs : which == PM_LOGGER_INERTIA && !unshown;
+    return !some[which] ? 1 : choices[which].count - fewer;
 }
 
 // --- the scene ---

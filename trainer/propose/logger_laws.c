@@ -30,6 +30,7 @@
 // Logarithms of the factors of a bend, and of a deviation of a temperature: what is not there would
 // else become large outside of the data.
 #define MOST_BEND 3
+#define MOST_TURNING 3 // of each wave: an inertia or a friction that depends on angles
 #define MOST_THERMAL 1
 #define MOST_WARMING 6   // power of a temperature
 #define MOST_ONE_WAY 2.0 // the logarithm of the ratio of frictions in both directions, halved
@@ -165,7 +166,7 @@ static bool shares_inertia(const pm_logger_writer *w, int c) {
         shown = shown || (v->action[a].effect == PM_LOGGER_GAIN && target->mate >= 0 &&
                           target->part == y->part);
     }
-    return (chosen == LEARNED_INERTIA || (chosen == SHOWN_INERTIA && shown)) && y->mate >= 0 &&
+    return (chosen == LEARNED_INERTIA || (chosen != CONSTANT_INERTIA && shown)) && y->mate >= 0 &&
            y->kind == PM_LOGGER_FLOW && !guided &&
            pm_logger_count(v, y->part, PM_LOGGER_POSITION) > 1;
 }
@@ -223,7 +224,8 @@ static void harmonic(char *sine, int k) {
 
 // Writes a sum over the positions of a part with learned coefficients of some size, "" or " +
 // sin1_name*...": sines and cosines of angles, and first and second powers of lengths if `lengths`
-// is true. `prefix` is that of the positions. Only position `alone` counts unless it is -1.
+// is true. `prefix` is that of the positions. Only position `alone` counts unless it is -1. A size
+// of 0 means that the sum is the logarithm of a factor.
 static void write_lever(pm_logger_writer *w, const char *name, const char *prefix, int part,
                         bool lengths, int alone, double size) {
     for (int c = 0; c < w->v->nvariable; ++c) {
@@ -240,7 +242,9 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
             char sine[] = "sin1";
             harmonic(sine, k);
             const char *kind = q->angle ? sine : powers[k];
-            fprintf(w->model, " + %s*", pm_logger_number(w, kind, both, 0, size));
+            fprintf(w->model, " + %s*",
+                    size == 0 && q->angle ? logarithm(w, kind, both, MOST_TURNING)
+                                          : pm_logger_number(w, kind, both, 0, size));
             if (q->angle) {
                 fprintf(w->model, "%.3s(%d*%s%s)", kind, 1 + k / 2, prefix, q->name);
             } else {
@@ -263,7 +267,7 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         FILE *const model = w->model;
         w->model = fmemopen(lever, sizeof lever, "w");
         if (w->model != NULL) {
-            write_lever(w, name, "", y->part, true, -1, 1);
+            write_lever(w, name, "", y->part, true, -1, 0);
             fclose(w->model);
         }
         w->model = model;
@@ -441,7 +445,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             }
             if (turns) {
                 fputs("exp(0", w->model);
-                write_lever(w, y->name, "", part, true, -1, 1);
+                write_lever(w, y->name, "", part, true, -1, 0);
                 fputs(")", w->model);
             }
             // A mass at a distance from an axis has an inertia that grows with its square.
@@ -487,7 +491,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             }
         }
     }
-    if (shared && w->chosen[PM_LOGGER_INERTIA] == SHOWN_INERTIA &&
+    if (shared && w->chosen[PM_LOGGER_INERTIA] != LEARNED_INERTIA &&
         pm_logger_count(w->v, part, PM_LOGGER_POSITION) <= MOST_SUMMED) {
         write_shared_energy(w, part);
     } else if (shared) {
@@ -1161,13 +1165,13 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
     pm_logger_write_resistance(w, name, x, &law, NULL, start, NULL);
     if (y->mate >= 0 && w->v->turns[c] && !shares_inertia(w, c) && t < 0) {
         fputs("*exp(0", w->model);
-        write_lever(w, name, of, y->part, true, y->mate, 1);
+        write_lever(w, name, of, y->part, true, y->mate, 0);
         fputs(")", w->model);
     } else if (t < 0 && shares_inertia(w, c)) { // what turns rubs the more, the longer it is
         fputs("*exp(0", w->model);
         for (int q = 0; q < w->v->nvariable; ++q) {
             if (q != y->mate && !w->v->column[q].angle) {
-                write_lever(w, name, of, y->part, true, q, 1);
+                write_lever(w, name, of, y->part, true, q, 0);
             }
         }
         fputs(")", w->model);

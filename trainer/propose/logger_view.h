@@ -416,6 +416,14 @@ static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
     return found;
 }
 
+// Returns true if regressions do not show that the inertia of a velocity depends on positions,
+// while it may.
+static inline bool pm_logger_hides_turning(const pm_logger_view *view, int c) {
+    const pm_logger_column *y = &view->column[c];
+    return y->kind == PM_LOGGER_FLOW && y->mate >= 0 && !view->column[y->mate].guided &&
+           !pm_logger_is_rigid(view, c) && !view->turns[c] && !view->inertial[y->part];
+}
+
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
     return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;
