@@ -54,7 +54,8 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
         {"--hidden", NULL, "N", NULL, &hidden, false,
          .help = "without SCENE: 0 if all variables are measured; default: short fits tell"},
         {"--budget", NULL, "SECONDS", NULL, &budget, false,
-         .help = "CPU time for trials of hypotheses; 0: none is tried (default 60)"},
+         .help =
+             "CPU time for trials of hypotheses; 0: none is tried (default 60, without SCENE 90)"},
     };
     const struct pm_several others[] = {{"--part", &part}, {"--port", &port}, {NULL, NULL}};
     const pm_options options = {
@@ -92,7 +93,7 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(pm_command_budget(budget, &how.budget));
     if (scene == NULL) {
         const pm_logger_hints hints = {.seed = (int)number,
-                                       .budget = how.budget,
+                                       .budget = budget == NULL ? PM_LOGGER_BUDGET : how.budget,
                                        .stop = stop,
                                        .inputs = inputs,
                                        .npart = part.count,

@@ -39,6 +39,7 @@ typedef struct pm_fit_score {
     // Measurements: the negative logarithm of the likelihood of the training part, but for a
     // constant; NAN: the fit was ended.
     double misfit;
+    double coarse;     // measurements: what the steps of the scene cost (pm_estimate.coarse)
     double production; // of the entropy produced over a rollout: the median
     // States: of each group in the order of the scene, of one step, or where that is not measured
     // of rollouts relative to persistence; 0: the group does not change, or is not measured.

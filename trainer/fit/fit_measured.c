@@ -1104,7 +1104,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     const bool later = !validation && isfinite(taught);
     pm_estimate e;
     const pm_estimate_how how = {
-        .seconds = taught, .stop = f->stop, .until = later ? INFINITY : taught};
+        .seconds = taught, .stop = f->stop, .until = later ? INFINITY : taught, .halve = true};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     f->measured.seconds += e.work / PM_SHOOTING_SPEED;
@@ -1120,6 +1120,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     }
     score->rollout = exp(sum / m->observation.count);
     score->misfit = m->misfit;
+    score->coarse = e.coarse;
     pm_estimate_free(&e);
     return PM_OK;
 }

@@ -363,9 +363,10 @@ static void follow(pm_estimate *e, prediction_work *p, const pm_track *track, in
     }
 }
 
+// Predicts all samples, with `finer` times as many steps as the scene has.
 static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation *o,
                          const pm_dataset *dataset, const int *which, const pm_estimate_how *how,
-                         const start_uncertainty *start) {
+                         const start_uncertainty *start, int finer) {
     pm_tracks tracks;
     prediction_work p = {.uncertainty = how->uncertainty,
                          .start = start,
@@ -379,7 +380,8 @@ static pm_status predict(pm_estimate *e, pm_system *system, const pm_observation
     pm_sensitivity_allocate(PM_SENSITIVITY_BATCH, p.item, nz, n, &e->arena);
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     PM_TRY(pm_tracks_make(&tracks, system->scene, o, dataset, e->count, which, INFINITY, false));
-    const pm_sensitivity_how own = how_of(system, o, &tracks, false);
+    pm_sensitivity_how own = how_of(system, o, &tracks, false);
+    own.substeps *= finer;
     pm_sensitivity_work work;
     pm_status status = pm_sensitivity_open(&p.sensitivity, &own, how->uncertainty != NULL, &work);
     for (int i = 0; i < e->count && status == PM_OK; i += PM_SENSITIVITY_BATCH) {
@@ -400,6 +402,37 @@ static double *array_of_nan(pm_arena *arena, size_t n) {
         array[i] = NAN;
     }
     return array;
+}
+
+// Predicts once more with half of the steps.
+static pm_status find_coarseness(pm_estimate *e, pm_system *system, const pm_observation *o,
+                                 const pm_dataset *dataset, const int *which,
+                                 const pm_estimate_how *how) {
+    const pm_estimate_how states = {.stop = how->stop};
+    pm_estimate fine = *e;
+    const size_t samples = (size_t)e->count * (size_t)e->ntime;
+    fine.y = array_of_nan(&e->arena, samples * (size_t)e->ny);
+    fine.z = array_of_nan(&e->arena, samples * (size_t)e->nz);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    fine.arena = (pm_arena){0};
+    const pm_status status = predict(&fine, system, o, dataset, which, &states, NULL, 2);
+    pm_arena_free(&fine.arena);
+    PM_TRY(status);
+    e->coarse = 0;
+    for (size_t c = 0; c < (size_t)e->ny; ++c) {
+        double sum = 0, square = 0, away = 0, n = 0;
+        for (size_t i = c; i < samples * (size_t)e->ny; i += (size_t)e->ny) {
+            const bool finite = isfinite(e->y[i]) && isfinite(fine.y[i]);
+            const double y = finite ? fine.y[i] : 0, d = finite ? e->y[i] - y : 0;
+            sum += y;
+            square += y * y;
+            away += d * d;
+            n += finite;
+        }
+        const double variance = n > 0 ? square / n - sum / n * (sum / n) : 0;
+        e->coarse = variance > 0 ? fmax(e->coarse, sqrt(away / n / variance)) : e->coarse;
+    }
+    return PM_OK;
 }
 
 pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observation *o,
@@ -427,7 +460,10 @@ pm_status pm_estimate_make(pm_estimate *e, pm_system *system, const pm_observati
         status = find_starts(e, system, o, dataset, which, how, &start);
     }
     if (status == PM_OK) {
-        status = predict(e, system, o, dataset, which, how, &start);
+        status = predict(e, system, o, dataset, which, how, &start, 1);
+    }
+    if (status == PM_OK && how->halve) {
+        status = find_coarseness(e, system, o, dataset, which, how);
     }
     if (status != PM_OK) {
         pm_estimate_free(e);

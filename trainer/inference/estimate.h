@@ -16,6 +16,7 @@ typedef struct pm_estimate_how {
     const pm_uncertainty *uncertainty; // of the weights, for pm_estimate.deviation; or NULL
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
     double until;                      // score nothing that is measured later, s; 0: score all
+    bool halve;                        // find pm_estimate.coarse
 } pm_estimate_how;
 
 // The result for some trajectories of a measured dataset.
@@ -24,7 +25,10 @@ typedef struct pm_estimate {
     int count, ntime, ny, nz; // trajectories, samples of each, measured columns, state components
     double until;             // s after the first sample; later measurements are not scored
     double work;              // of the shooting (shooting/shooting.h)
-    double *start;            // [count][nz] states at the first samples
+    // How far predictions with the steps of the scene are from those with half of them: the largest
+    // root mean square of a column relative to its deviation. Set with pm_estimate_how.halve.
+    double coarse;
+    double *start; // [count][nz] states at the first samples
     double *noise; // [ny] noise estimated from the residuals of the first seconds, unit of column
     double *y;     // [count][ntime][ny] predicted columns; NaN where a trajectory has no sample
     double *z;     // [count][ntime][nz] predicted states; NaN where a trajectory has no sample

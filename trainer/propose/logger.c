@@ -634,6 +634,12 @@ static void print_trials(const hidden_search *s, FILE *f) {
             fprintf(f, " (%.3g)\n", PERCENT * t->score.rollout);
         }
     }
+    const double budget = s->hints->budget;
+    if (!explains(s) && is_over(s)) {
+        fprintf(f, "# Time was up before all was tried: --budget %.0f tries more.\n", 2 * budget);
+        printf("time was up before all hypotheses were tried: --budget %.0f tries more\n",
+               2 * budget);
+    }
 }
 
 // The choices among laws that the columns leave, for the search.
@@ -741,6 +747,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     describe(&draft.view);
     name_inputs(&draft.view);
     draft.data_path = data;
+    draft.coarse = search->trial[search->best].score.coarse;
     PM_TRY_DONE(pm_logger_write_scene(&draft, scene));
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));

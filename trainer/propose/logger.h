@@ -4,6 +4,9 @@
 
 #include "propose/logger_view.h"
 
+// The budget where none is named, s.
+#define PM_LOGGER_BUDGET 90.0
+
 // Writes scene.yaml and training.yaml into the folder, which exists, for the measurements in
 // `data`. Prints what the columns are, and the names of the files. Fails as pm_logger_look does;
 // PM_EFILE.

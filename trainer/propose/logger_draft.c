@@ -17,6 +17,8 @@
 #define COARSE 0.5       // likewise for trials
 #define LEAST_START 1e-9 // deviation of a hidden start
 #define MOST_SUBSTEPS 32
+#define MOST_COARSE 1e-4 // of the deviation of a column: what steps may cost over a trajectory
+#define STIFFER 4        // times as many substeps at most as regressions ask for
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define ITERATIONS 400
 #define TRIES 6             // draws of the first weights of a fit of noisy data
@@ -260,10 +262,11 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
                 fmax(fastest, v->column[c].deviation * v->column[v->column[c].mate].harmonics);
         }
     }
-    const double wanted = ceil(d->dt * fastest /
-                               (draft->most > 0 ? COARSE
-                                : v->noisy      ? MEDIUM
-                                                : FINE));
+    const double least = fmax(ceil(d->dt * fastest / COARSE), 1);
+    double wanted = fmax(ceil(d->dt * fastest / (v->noisy ? MEDIUM : FINE)), 1);
+    // The error of a step is of order 4. Laws may be stiffer in places than regressions show.
+    const double finer = ceil(least * sqrt(sqrt(draft->coarse / MOST_COARSE)));
+    wanted = draft->most > 0 ? least : fmin(fmax(wanted, finer), STIFFER * wanted);
     int shortest = d->ntime;
     bool surroundings = false, level = false;
     for (int i = 0; i < d->ntrajectory; ++i) {

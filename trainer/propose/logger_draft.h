@@ -26,6 +26,7 @@ typedef struct pm_logger_draft {
     int seed;
     int most;          // for a trial: the first trajectories, as measurements; 0: all
     double seconds;    // for a trial: of each trajectory the first ones; 0: all
+    double coarse;     // what the steps of a trial cost (pm_fit_score); 0: not known
     const char *found; // where constants begin (pm_search_trial); NULL: where regressions put them
 } pm_logger_draft;
 
