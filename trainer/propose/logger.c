@@ -19,7 +19,7 @@
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
-// Trials after the first one end after so many s of CPU time. A trial that takes so many times as
+// Trials end after so many s of CPU time. A trial that takes so many times as
 // long as it should, and so many s, is stopped.
 #define ENDED 30
 #define SAFETY 4
@@ -40,7 +40,7 @@
 #define DRIVEN 0.05
 #define ACTS 2e-3
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
-#define LIKELIER 3 // logarithm of how many times likelier what inputs are between samples must be
+#define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
 // Prints what was found, one line for each column.
@@ -289,8 +289,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     // it.
     const double rest = s->hints->budget - s->spent, count = s->count - from;
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
-    // The first trial may take longer, since the fit begins where it ends.
-    const double longest = from == 0 ? left : fmin(ENDED, left);
+    const double longest = fmin(ENDED, left);
     const pm_fit_effort each = {.tries = TRIES,
                                 .try_iterations = 4,
                                 .samples = FEWEST_SAMPLES,
@@ -349,20 +348,21 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
-// Adds other laws beside those of the best guesses that may explain more. What they share with the
-// best ones begins where these ended.
-static pm_status add_laws(hidden_search *s) {
+// Adds the first `most` of other laws beside those of the best guesses that may explain more. What
+// they share with the best ones begins where these ended.
+static pm_status add_laws(hidden_search *s, int most) {
     static const int richer[][2] = {
-        {PM_LOGGER_COUPLING, LEARNED_COUPLING},      {PM_LOGGER_FRICTION, WAVY_FRICTION},
-        {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},      {PM_LOGGER_INERTIA, SUMMED_INERTIA},
+        {PM_LOGGER_INERTIA, SUMMED_INERTIA},         {PM_LOGGER_COUPLING, LEARNED_COUPLING},
+        {PM_LOGGER_FRICTION, WAVY_FRICTION},         {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
         {PM_LOGGER_INERTIA, LEARNED_INERTIA},        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
         {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+    const int all = sizeof richer / sizeof *richer;
     const int *chosen = s->chosen[s->best];
     pm_logger_hints hints = *s->hints;
     pm_logger_view view;
     hints.guess = s->guess[s->best];
     PM_TRY(pm_logger_look(&view, s->dataset, &hints));
-    for (size_t k = 0; k < sizeof richer / sizeof *richer && s->count < MOST_TRIALS; ++k) {
+    for (int k = 0; k < all && k < most && s->count < MOST_TRIALS; ++k) {
         const char *name;
         const char *const *alternative;
         const int which = richer[k][0];
@@ -385,12 +385,12 @@ static bool is_over(const hidden_search *s) {
     return explains(s) || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget;
 }
 
-// Tries other laws as long as one of them is better.
-static pm_status find_laws(hidden_search *s) {
+// Tries the first `most` of other laws as long as one of them is better.
+static pm_status find_laws(hidden_search *s, int most) {
     for (int before = -1; s->best != before && !is_over(s);) {
         const int from = s->count;
         before = s->best;
-        PM_TRY(add_laws(s));
+        PM_TRY(add_laws(s, most));
         PM_TRY(try_guesses(s, from));
     }
     return PM_OK;
@@ -454,22 +454,25 @@ static pm_status find_columns(hidden_search *s, column_group group) {
     return PM_OK;
 }
 
-// Tries whether inputs that look smooth are held between samples, or no longer are. Neither is
-// richer than the other, so that the likelier one is taken, however little the errors differ beside
-// the noise.
-static pm_status find_holds(hidden_search *s) {
+// Tries the best guesses once more: with `turn`, whether inputs that look smooth are held between
+// samples, or no longer are; else from where regressions put the constants, since a worse guess may
+// have led them astray. Nothing is richer than before, so that what is likelier is taken, however
+// little the errors differ beside the noise.
+static pm_status try_again(hidden_search *s, bool turn) {
     const double budget = s->hints->budget;
     const char *name;
     const char *const *alternative;
     const int from = s->count, before = s->best;
-    if (pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) == 1 ||
-        from == MOST_TRIALS || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget) {
+    const bool may =
+        turn ? pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) > 1
+             : s->found[before] != NULL;
+    if (!may || from == MOST_TRIALS || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget) {
         return PM_OK;
     }
     memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
     memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
-    s->chosen[from][PM_LOGGER_HOLD] = 1 - s->chosen[before][PM_LOGGER_HOLD];
-    s->found[s->count++] = found_by_best(s);
+    s->chosen[from][PM_LOGGER_HOLD] ^= turn;
+    s->found[s->count++] = turn ? found_by_best(s) : NULL;
     PM_TRY(try_guesses(s, from));
     const bool likelier =
         s->most == 0 ? error_of(s, from) < error_of(s, before)
@@ -489,7 +492,7 @@ static pm_status find_hidden(hidden_search *s) {
         s->count = 1;
         PM_TRY(try_guesses(s, 0));
         if (explains(s)) {
-            return find_holds(s);
+            return try_again(s, true);
         }
     }
     s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
@@ -502,15 +505,17 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(try_guesses(s, 0));
     // A hidden variable that is missing leaves a large error, and a law that is not quite right
     // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
-    // comes last. It may have hidden what inputs set.
-    PM_TRY(find_holds(s));
+    // comes last. It may have hidden what inputs set. That inertias depend on positions comes
+    // first, since hidden variables would make up for it.
+    PM_TRY(try_again(s, true));
     const int first = s->best;
+    PM_TRY(find_laws(s, 1));
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
         if (small == (pass == 0)) {
-            PM_TRY(find_laws(s));
+            PM_TRY(find_laws(s, MOST_TRIALS));
         } else {
             PM_TRY(find_columns(s, UNPLACED));
             PM_TRY(find_columns(s, MOVING));
@@ -519,7 +524,8 @@ static pm_status find_hidden(hidden_search *s) {
     }
     PM_TRY(find_inputs(s, MOST_TRIALS));
     // A better model may tell otherwise.
-    return s->best != first ? find_holds(s) : PM_OK;
+    PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
+    return try_again(s, false);
 }
 
 // Returns the name of the column of this identifier.
@@ -627,6 +633,13 @@ static void print_trials(const hidden_search *s, FILE *f) {
             }
         }
         fputs(any ? "" : "as units and regressions say", f);
+        for (int j = 0; j < i; ++j) {
+            if (memcmp(s->guess[i], s->guess[j], sizeof s->guess[0]) == 0 &&
+                memcmp(s->chosen[i], s->chosen[j], sizeof s->chosen[0]) == 0) {
+                fputs(", begun anew", f);
+                break;
+            }
+        }
         const pm_search_trial *t = &s->trial[i];
         if (t->failed) {
             fprintf(f, " (failed: %s)\n", t->reason);
