@@ -447,7 +447,8 @@ static void print_operator(const char *owner, const char *what, const pm_operato
             }
         }
     }
-    // The projection removes the direction of the covector; a skew matrix needs two more.
+    // The projection takes away one dimension. A skew matrix needs two dimensions to be anything
+    // but zero, a positive semi-definite one needs one.
     if (form == PM_HARD && count - constrained < (kind == PM_REVERSIBLE ? 2 : 1)) {
         printf("  %s: %s: does nothing: it acts on %d component%s, and the projection leaves "
                "nothing of it\n",

@@ -124,8 +124,8 @@ static pm_status check_path(const char *option, const char *path) {
                : pm_fail(PM_EUSAGE, "emit: %s %s: expected an absolute path", option, path);
 }
 
-// Checks that the units can read a file, which they cannot in some folders, and write it if it is
-// `written` (systemd/hardening.conf).
+// Fails if the units cannot read a file, since systemd/hardening.conf hides its folder from them,
+// or if it is `written` and they cannot write it.
 static pm_status check_unit_path(const char *path, bool written) {
     static const char own[] = "/var/lib/portmet/";
     static const char *const hidden[] = {"/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/"};

@@ -200,8 +200,9 @@ pm_status pm_endpoint_result(const pm_endpoint *endpoint);
 // Converts an error code that another process has sent to pm_status; PM_ENET if it is unknown.
 pm_status pm_endpoint_code(int8_t code);
 
-// Waits until the monotonic time `until` (s; `now` is the present one) for messages and hands them
-// out, but at most 0.1 s. PM_EINTERRUPTED: `*stop` (NULL is allowed) is not 0; PM_ENET.
+// Waits for messages and hands them out. Returns at the monotonic time `until`, in s, or 0.1 s
+// after the present time `now`, whichever is earlier. PM_EINTERRUPTED: *stop is not 0 (`stop` may
+// be NULL); PM_ENET.
 pm_status pm_endpoint_wait(pm_endpoint *endpoint, double until, double now,
                            const volatile sig_atomic_t *stop);
 

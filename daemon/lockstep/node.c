@@ -91,11 +91,11 @@
 #define LATE_DEPTH 32
 #define ASK_INTERVAL 0.01 // s between two questions of a node that takes part in a run
 
-// The most steps of one poll. The loop then handles messages and reads the stop flag.
+// After so many steps in a row the loop handles messages and looks whether it shall stop.
 #define STEPS_AT_ONCE 16
 
-// The time between two reports at most, while steps are computed: the larger of these two. Among
-// many processes a report costs as much as a flux, which every step has anyway.
+// While steps are computed, a report follows the one before after at most the larger of these two
+// times. Among many processes a report costs as much as a flux, and every step sends a flux anyway.
 #define REPORT_INTERVAL 0.02 // s
 #define REPORT_PAIR 0.000004 // s for each pair of a sender and a receiver
 

@@ -75,10 +75,10 @@ int pm_rollout_starts(const pm_setup *setup, uint64_t seed, int trajectories, in
 // Returns the number of child processes that pm_rollout_parallel starts, one for each core.
 int pm_rollout_nworker(void);
 
-// Does work(context, i) for each of the `count` numbers i from `first` on in as many child
-// processes as there are cores. The results must lie in memory from pm_rollout_shared. Returns
-// after all are done, or when the busiest process has used *left seconds of CPU time, when what is
-// not yet done is left out. What it used is taken from *left. `label` names the progress bar.
+// Calls work(context, i) for i = first, ..., first + count - 1, in as many child processes as there
+// are cores. Results must lie in memory from pm_rollout_shared. The busiest process may use *left
+// seconds of CPU time; numbers that have not begun by then are left out. Subtracts what it has used
+// from *left. `label` names the progress bar.
 // PM_EINTERRUPTED; PM_ENOMEM.
 pm_status pm_rollout_parallel(int first, int count, void (*work)(void *context, int i),
                               void *context, double *left, const char *label,

@@ -69,8 +69,8 @@ void pm_draft_port(const pm_draft *draft, int port);
 // the group of b, or -1. Returns how many there are.
 int pm_draft_exchange(const pm_draft *draft, int port, int partner[PM_MAX_GROUPS]);
 
-// Returns whether a column tells what the outside shows in a group of a boundary input: 0 its
-// value, 1 its dE, 2 its dS.
+// Returns true if a column of the data gives something of this group of a boundary input: its value
+// (`which` is 0), its dE (1) or its dS (2).
 bool pm_draft_follows(const pm_scene_boundary_input *input, const pm_group *group, int which);
 
 // Fills draft->space with the hypotheses about all subsystems and ports that need a model. The

@@ -427,8 +427,8 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
     }
 }
 
-// Returns the number of processes that conduct heat between so many bodies: as many as move their
-// entropies independently, or one between every two, where larger models are tried.
+// Returns how many conductions a model of this many bodies has: one less than bodies, which is
+// enough to reach any of their entropies from any other; in a large model one for each pair.
 static int conductions_of(const pm_draft *d, int bodies) {
     const bool large = pm_draft_answer(d, PM_ASK_SIZE, 0) == PM_LARGE && bodies <= MOST_BODIES;
     return bodies < 2 ? 0 : large ? bodies * (bodies - 1) / 2 : bodies - 1;

@@ -143,9 +143,9 @@ static void print_report(int nscore, int count, const response *r, double second
            (double)iterations / (double)(steps > 0 ? steps : 1));
 }
 
-// Makes `folder`, if it does not exist, and draws errors.png in it with gnuplot: a box for each of
-// the first `nscore` errors, in %, over r [count]. The numbers, errors.txt with a row for each
-// trajectory, and the script stay beside it.
+// Draws errors.png in `folder`, which it makes if it does not exist: a box for each of the first
+// `nscore` errors, in %, over the trajectories r [count]. The numbers (errors.txt, a row for each
+// trajectory) and the script for gnuplot stay beside the picture.
 static pm_status plot_errors(int nscore, int count, const response *r, const char *folder) {
     static const char *const names[PM_SOLID_NSCORE] = {"displacement", "stress", "stored",
                                                        "dissipated"};
