@@ -186,7 +186,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
     const bool some[PM_LOGGER_NCHOICE] = {flows > 0,
                                           mechanical > 0,
                                           mechanical > 0,
-                                          pairs > 1,
+                                          pairs > 0,
                                           temperatures + levels + others > 0,
                                           temperatures > 0,
                                           levels > 0,

@@ -934,6 +934,8 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                         fprintf(w->model, " + (%s", pm_logger_number(w, "flux", by, 0, size));
                         fprintf(w->model, " + %s*(%s/%.6g)^2)*%s",
                                 pm_logger_number(w, "bent", by, 0, size), y->name, most, y->name);
+                        pm_logger_constant(w, "saturates", by, 1);
+                        fprintf(w->model, "/sqrt(1 + saturates_%s*(%s/%.6g)^2)", by, y->name, most);
                     }
                 }
                 fputs("\"]", w->model);
