@@ -409,7 +409,10 @@ static pm_status find_inputs(hidden_search *s, int most) {
             const pm_logger_column *input = &view.column[u];
             int one, other;
             for (int i = 0; i < input->nother && input->guess == PM_LOGGER_AS_FOUND; ++i) {
-                add_guess(s, input->id, input->other[i], NULL);
+                // Balances of power are judged when the laws are known.
+                if (most > 1 || input->other[i] != PM_LOGGER_SCALED) {
+                    add_guess(s, input->id, input->other[i], NULL);
+                }
             }
             if (input->guess != PM_LOGGER_AS_FOUND) {
                 add_guess(s, input->id, PM_LOGGER_AS_FOUND, NULL);
@@ -590,6 +593,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "its friction heats a neighbour",
                                                         "its entropy depends on positions",
                                                         "inertias do not depend on it",
+                                                        "acts with a learned factor",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

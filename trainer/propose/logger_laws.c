@@ -30,6 +30,7 @@
 // Logarithms of the factors of a bend, and of a deviation of a temperature: what is not there would
 // else become large outside of the data.
 #define MOST_BEND 3
+#define DRAINED 0.03   // of the range of a charge: a cell's resistance rises over so much at least
 #define MOST_TURNING 3 // of each wave: an inertia or a friction that depends on angles
 #define MOST_THERMAL 1
 #define MOST_WARMING 6   // power of a temperature
@@ -516,8 +517,9 @@ void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
                                const pm_logger_column *cell, const char *of, const char *at) {
     const char *name = cell->name;
     const int T = v->thermometer[cell->part];
-    int n = snprintf(text, size, "%sresistance_%s*(1 + %sdrained_%s*exp((%.6g - %s%s)/%sdepth_%s))",
-                     of, name, of, name, cell->least, at, name, of, name);
+    int n = snprintf(
+        text, size, "%sresistance_%s*(1 + %sdrained_%s*exp((%.6g - %s%s)/(%.4g + %sdepth_%s)))", of,
+        name, of, name, cell->least, at, name, DRAINED * (cell->largest - cell->least), of, name);
     if (T >= 0 && n < (int)size) {
         snprintf(text + n, size - (size_t)n, "*exp(%swarms_%s*(%.6g - %s%s))", of, name,
                  v->column[T].mean, at, v->column[T].name);

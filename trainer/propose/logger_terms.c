@@ -932,7 +932,13 @@ static void take_guesses(const pm_logger_samples *w, equations *work) {
         int one, other;
         const pm_logger_guess guess = pm_logger_split(v->column[u].guess, &one, &other);
         one = column_of(v, one), other = column_of(v, other);
-        if (guess == PM_LOGGER_ENTERS) {
+        if (v->column[u].guess == PM_LOGGER_SCALED) {
+            for (int a = 0; a < v->naction; ++a) {
+                pm_logger_action *action = &v->action[a];
+                const bool drives = action->input == u && action->effect == PM_LOGGER_DRIVES;
+                action->effect = drives ? PM_LOGGER_GAIN : action->effect;
+            }
+        } else if (guess == PM_LOGGER_ENTERS) {
             double slope;
             int at = v->naction;
             (void)entering_of(w, one, u, other, work, &slope);
@@ -1028,6 +1034,16 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
         }
         for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
             input->other[input->nother++] = guess[k];
+        }
+        // Where several inputs drive, the factor of one of them is no matter of scale.
+        bool drives = false, others = false;
+        for (int a = 0; a < v->naction; ++a) {
+            const bool own = v->action[a].input == u;
+            drives = drives || (own && v->action[a].effect == PM_LOGGER_DRIVES);
+            others = others || (!own && v->action[a].effect == PM_LOGGER_DRIVES);
+        }
+        if (drives && others) {
+            input->other[input->nother++] = PM_LOGGER_SCALED;
         }
         int one, other;
         input->clear = worth[0] > CLEAR && pm_logger_split(guess[0], &one, &other) > 0 &&

@@ -673,6 +673,29 @@ static void find_actions(pm_logger_view *view) {
             }
         }
     }
+    // Beside a hidden temperature, which is first taken from the rate of another one, regressions
+    // do not tell which of them a bath reaches.
+    for (int h = 0; h < view->nvariable; ++h) {
+        const pm_logger_column *hidden = &view->column[h];
+        for (int a = 0; a < view->naction && hidden->behind >= 0; ++a) {
+            const pm_logger_action bath = view->action[a];
+            const int part = view->column[bath.target].part;
+            for (int c = 0; c < view->nvariable && bath.effect == PM_LOGGER_BATH; ++c) {
+                bool reached = hidden->kind != PM_LOGGER_TEMPERATURE || hidden->part != part ||
+                               view->column[c].part != part ||
+                               view->column[c].kind != PM_LOGGER_TEMPERATURE ||
+                               view->naction == PM_LOGGER_ACTIONS;
+                for (int b = 0; b < view->naction; ++b) {
+                    reached = reached ||
+                              (view->action[b].input == bath.input && view->action[b].target == c);
+                }
+                if (!reached) {
+                    view->action[view->naction] = bath;
+                    view->action[view->naction++].target = c;
+                }
+            }
+        }
+    }
 }
 
 // Finds which temperatures tend towards surroundings that no input describes, and how warm these
