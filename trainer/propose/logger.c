@@ -348,6 +348,16 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
+// Returns true if trial `id` has the guesses and the laws of an earlier one.
+static bool is_twin(const hidden_search *s, int id) {
+    bool twin = false;
+    for (int i = 0; i < id; ++i) {
+        twin = twin || (memcmp(s->guess[i], s->guess[id], sizeof s->guess[0]) == 0 &&
+                        memcmp(s->chosen[i], s->chosen[id], sizeof s->chosen[0]) == 0);
+    }
+    return twin;
+}
+
 // Adds the first `most` of other laws beside those of the best guesses that may explain more. What
 // they share with the best ones begins where these ended.
 static pm_status add_laws(hidden_search *s, int most) {
@@ -372,7 +382,8 @@ static pm_status add_laws(hidden_search *s, int most) {
             memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
             memcpy(s->chosen[s->count], chosen, sizeof s->chosen[0]);
             s->chosen[s->count][which] = richer[k][1];
-            s->found[s->count++] = found_by_best(s);
+            s->found[s->count] = found_by_best(s);
+            s->count += !is_twin(s, s->count);
         }
     }
     pm_logger_view_free(&view);
@@ -509,10 +520,12 @@ static pm_status find_hidden(hidden_search *s) {
     // A hidden variable that is missing leaves a large error, and a law that is not quite right
     // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
     // comes last. It may have hidden what inputs set. That inertias depend on positions comes
-    // first, since hidden variables would make up for it.
+    // first and, where much is missing, that couplings depend on flows: hidden variables would make
+    // up for both.
     PM_TRY(try_again(s, true));
     const int first = s->best;
     PM_TRY(find_laws(s, 1));
+    PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
@@ -637,13 +650,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
             }
         }
         fputs(any ? "" : "as units and regressions say", f);
-        for (int j = 0; j < i; ++j) {
-            if (memcmp(s->guess[i], s->guess[j], sizeof s->guess[0]) == 0 &&
-                memcmp(s->chosen[i], s->chosen[j], sizeof s->chosen[0]) == 0) {
-                fputs(", begun anew", f);
-                break;
-            }
-        }
+        fputs(is_twin(s, i) ? ", begun anew" : "", f);
         const pm_search_trial *t = &s->trial[i];
         if (t->failed) {
             fprintf(f, " (failed: %s)\n", t->reason);
