@@ -108,6 +108,13 @@ succeed "wrote" propose --budget 0 --data "$folder"/damper_?.csv --inputs F -o "
 succeed "Verdict: good" fit "$folder/damper/training.yaml" -o "$folder/damper/weights"
 awk '/rollouts have/ { some = 1; if (!($9 < 0.2)) bad = 1 } END { exit !some || bad }' "$folder/out" || fail "the damper is not learned"
 
+# A user knows how many variables nobody measures.
+succeed "v_behind" propose --budget 4 --hidden 1 --data "$folder"/damper_?.csv --inputs F -o "$folder/known"
+[ "$(grep -c "nobody measures it" "$folder/known/scene.yaml")" = 1 ] || fail "propose: expected one hidden variable"
+succeed "wrote" propose --budget 4 --hidden 0 --data "$folder"/damper_?.csv --inputs F -o "$folder/none"
+grep -q "nobody measures it" "$folder/none/scene.yaml" && fail "propose: expected no hidden variable"
+grep -q "with many bends" "$folder/none/training.yaml" || fail "propose: expected trials without hidden variables"
+
 # A piston moves the volume of a chamber in another part, whose gas is warmed by this.
 write gas 6 "v [m/s],x [m],V [L],T [K]" \
     "n = 4; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand(); y[4] = 290 + 20*rand()" \

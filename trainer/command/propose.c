@@ -52,7 +52,7 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
         {"--seed", NULL, "N", .count = &number, .least = 1, .most = INT32_MAX,
          .help = "without SCENE: of the training file; default: 1"},
         {"--hidden", NULL, "N", NULL, &hidden, false,
-         .help = "without SCENE: 0 if all variables are measured; default: short fits tell"},
+         .help = "without SCENE: how many variables nobody measures; default: short fits tell"},
         {"--budget", NULL, "SECONDS", NULL, &budget, false,
          .help =
              "CPU time for trials of hypotheses; 0: none is tried (default 60, without SCENE 90)"},

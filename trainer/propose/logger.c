@@ -258,6 +258,18 @@ static double error_of(const hidden_search *s, int id) {
     return s->trial[id].failed || isnan(error) ? INFINITY : error;
 }
 
+// Returns how many variables of a trial nobody measures.
+static int hidden_by(const hidden_search *s, int id) {
+    int count = 0;
+    for (int c = 0; c < s->first.nvariable; ++c) {
+        count += s->first.column[c].source == NULL;
+    }
+    for (int c = 0; c < PM_LOGGER_COLUMNS; ++c) {
+        count += pm_logger_hides(s->guess[id][c]);
+    }
+    return count;
+}
+
 // Returns where the best trial left the constants, or, where it learned networks, too, where they
 // began in it.
 static const char *found_by_best(const hidden_search *s) {
@@ -314,7 +326,10 @@ static pm_status try_guesses(hidden_search *s, int from) {
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
-        if (error < (s->simpler[i] ? 1 : BETTER) * other) {
+        // Of hidden variables that the user knows of there are more until all are found.
+        const int more = s->hints->hidden > 0 ? hidden_by(s, i) - hidden_by(s, s->best) : 0;
+        if (more > 0 ? isfinite(error)
+                     : more == 0 && error < (s->simpler[i] ? 1 : BETTER) * other) {
             s->best = i;
         }
     }
@@ -393,7 +408,8 @@ static pm_status add_laws(hidden_search *s, int most) {
 // Returns true if nothing else is tried.
 static bool is_over(const hidden_search *s) {
     const double budget = s->hints->budget;
-    return explains(s) || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget;
+    return (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) || s->spent >= budget ||
+           s->used >= PM_SEARCH_SLOW * budget;
 }
 
 // Tries the first `most` of other laws as long as one of them is better.
@@ -461,6 +477,10 @@ static pm_status find_columns(hidden_search *s, column_group group) {
                     add_guess(s, column->id, column->other[i],
                               alike == 1 ? &column->dimension : NULL);
                 }
+                if (s->count > from && s->hints->hidden >= 0 && hides &&
+                    hidden_by(s, s->count - 1) > s->hints->hidden) {
+                    --s->count;
+                }
             }
             PM_TRY(try_guesses(s, from));
         }
@@ -505,7 +525,7 @@ static pm_status find_hidden(hidden_search *s) {
         // Complete states without noise are fitted by single steps.
         s->count = 1;
         PM_TRY(try_guesses(s, 0));
-        if (explains(s)) {
+        if (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) {
             return try_again(s, true);
         }
     }
@@ -757,7 +777,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
         const pm_logger_column *input = &draft.view.column[u];
         search->guess[0][input->id] = input->clear ? input->other[0] : PM_LOGGER_AS_FOUND;
     }
-    if (hints->budget > 0 && hints->hidden < 0) {
+    if (hints->budget > 0) {
         PM_TRY_DONE(find_hidden(search));
         PM_TRY_DONE(confirm(search));
         print_trials(search, comment);
