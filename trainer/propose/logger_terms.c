@@ -1079,6 +1079,15 @@ static void find_cell_heat(const pm_logger_samples *w, equations *work) {
             const double capacity = fabs(cell->resistance) * most * most / rise;
             pm_logger_scale_heat(v, capacity / v->column[v->thermometer[cell->part]].inertia);
         }
+        // A thermometer before a hidden body shows its surface: the heat goes into the body.
+        for (int h = 0; h < v->nvariable && isfinite(best); ++h) {
+            const pm_logger_column *body = &v->column[h];
+            if (body->kind == PM_LOGGER_TEMPERATURE && body->part == cell->part &&
+                body->behind == v->thermometer[cell->part]) {
+                v->thermometer[cell->part] = h;
+                break;
+            }
+        }
         for (int k = 0; k < v->nvariable && isfinite(best); ++k) {
             const pm_logger_column *pair = &v->column[k];
             v->warms[k][v->thermometer[cell->part]] |=
