@@ -19,8 +19,8 @@
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
-// Trials end after so many s of CPU time. A trial that takes so many times as
-// long as it should, and so many s, is stopped.
+// Trials end after so many s of CPU time. A trial that takes so many times as long as it should,
+// and so many s, is stopped.
 #define ENDED 30
 #define SAFETY 4
 #define LEAST 1 // s of CPU time that every trial has
@@ -544,8 +544,10 @@ static pm_status find_hidden(hidden_search *s) {
     // up for both.
     PM_TRY(try_again(s, true));
     const int first = s->best;
-    PM_TRY(find_laws(s, 1));
-    PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
+    if (!s->short_of_time) {
+        PM_TRY(find_laws(s, 1));
+        PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
+    }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, SEEN));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
@@ -733,9 +735,11 @@ static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hint
         const char *name;
         const char *const *alternative;
         const int count = pm_logger_alternatives(v, (pm_logger_choice)k, &name, &alternative);
-        const int id = k == PM_LOGGER_HOLD
-                           ? -1 // the scene has it
-                           : pm_hypotheses_add(&laws->space, name, count, alternative);
+        // What a trial changes in the scene, which is written, is no choice any more.
+        const int left = k == PM_LOGGER_HOLD                                ? 1
+                         : k == PM_LOGGER_INERTIA && count > SUMMED_INERTIA ? SUMMED_INERTIA
+                                                                            : count;
+        const int id = left > 1 ? pm_hypotheses_add(&laws->space, name, left, alternative) : -1;
         if (id >= 0) {
             laws->choice[id] = (pm_logger_choice)k;
         }
