@@ -13,7 +13,8 @@
 // middle.
 #define NORMAL_MEDIAN 1.4826022185056018
 #define NORMAL_MEAN 1.2533141373155001
-#define OUTLYING 0.01 // of the misses of a trajectory, beside those that stand alone
+#define WHOLE (INT_MAX / 4) // samples of a window: each track is one
+#define OUTLYING 0.01       // of the misses of a trajectory, beside those that stand alone
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
 // Records have another noise than those of the fit if its logarithm differs by so many standard
@@ -82,7 +83,7 @@ static void set_priors(pm_shooting *s, const pm_observation *o, const pm_uncerta
 static pm_status differentiate(const pm_estimate *e, pm_shooting *s,
                                const start_uncertainty *start) {
     const ptrdiff_t nz = e->nz, nb = s->nborder, n = s->nweight;
-    PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
+    PM_TRY(pm_shooting_divide(s, WHOLE));
     // What neighbouring residuals share is error of the model, which counts by the weights.
     memcpy(s->terms.noise, start->noise, (size_t)e->ny * sizeof *s->terms.noise);
     s->terms.huber = INFINITY;
@@ -159,7 +160,7 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
             continue;
         }
         PM_TRY(status);
-        PM_TRY(pm_shooting_divide(s, INT_MAX / 4));
+        PM_TRY(pm_shooting_divide(s, WHOLE));
         pm_shooting_evaluate(s, s->z, false);
         PM_TRY(s->failed);
         if (result != PM_OK) {
@@ -244,7 +245,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
         status = seek_singly(e, &shooting, &own, &continuation);
     }
     PM_TRY_DONE(status);
-    PM_TRY_DONE(pm_shooting_divide(&shooting, INT_MAX / 4)); // each track is one window
+    PM_TRY_DONE(pm_shooting_divide(&shooting, WHOLE)); // each track is one window
     memcpy(shooting.z, e->start, (size_t)e->count * (size_t)e->nz * sizeof *e->start);
     pm_shooting_evaluate(&shooting, shooting.z, false);
     PM_TRY_DONE(shooting.failed);
@@ -428,6 +429,8 @@ static pm_status find_coarseness(pm_estimate *e, pm_system *system, const pm_obs
             square += y * y;
             away += d * d;
             n += finite;
+            // Where half of the steps are short enough and these are not, they cost everything.
+            e->coarse = isfinite(fine.y[i]) && !isfinite(e->y[i]) ? INFINITY : e->coarse;
         }
         const double variance = n > 0 ? square / n - sum / n * (sum / n) : 0;
         e->coarse = variance > 0 ? fmax(e->coarse, sqrt(away / n / variance)) : e->coarse;

@@ -326,7 +326,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
                      other = isfinite(so_far) ? fmin(so_far, NOTHING) : so_far;
-        // Of hidden variables that the user knows of there are more until all are found.
+        // A guess that hides one more variable is taken until as many are hidden as the user names.
         const int more = s->hints->hidden > 0 ? hidden_by(s, i) - hidden_by(s, s->best) : 0;
         if (more > 0 ? isfinite(error)
                      : more == 0 && error < (s->simpler[i] ? 1 : BETTER) * other) {
@@ -735,7 +735,7 @@ static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hint
         const char *name;
         const char *const *alternative;
         const int count = pm_logger_alternatives(v, (pm_logger_choice)k, &name, &alternative);
-        // What a trial changes in the scene, which is written, is no choice any more.
+        // The scene is written, so that choices which change it are settled.
         const int left = k == PM_LOGGER_HOLD                                ? 1
                          : k == PM_LOGGER_INERTIA && count > SUMMED_INERTIA ? SUMMED_INERTIA
                                                                             : count;

@@ -1035,7 +1035,8 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
         for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
             input->other[input->nother++] = guess[k];
         }
-        // Where several inputs drive, the factor of one of them is no matter of scale.
+        // A factor is offered where several inputs drive: that of a single one would only scale
+        // the inertia of what it drives.
         bool drives = false, others = false;
         for (int a = 0; a < v->naction; ++a) {
             const bool own = v->action[a].input == u;

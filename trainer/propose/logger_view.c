@@ -674,24 +674,25 @@ static void find_actions(pm_logger_view *view) {
         }
     }
     // Beside a hidden temperature, which is first taken from the rate of another one, regressions
-    // do not tell which of them a bath reaches.
+    // do not tell which of them a bath reaches: it reaches all of the part.
     for (int h = 0; h < view->nvariable; ++h) {
         const pm_logger_column *hidden = &view->column[h];
-        for (int a = 0; a < view->naction && hidden->behind >= 0; ++a) {
-            const pm_logger_action bath = view->action[a];
-            const int part = view->column[bath.target].part;
-            for (int c = 0; c < view->nvariable && bath.effect == PM_LOGGER_BATH; ++c) {
-                bool reached = hidden->kind != PM_LOGGER_TEMPERATURE || hidden->part != part ||
-                               view->column[c].part != part ||
-                               view->column[c].kind != PM_LOGGER_TEMPERATURE ||
-                               view->naction == PM_LOGGER_ACTIONS;
+        const bool hides = hidden->behind >= 0 && hidden->kind == PM_LOGGER_TEMPERATURE;
+        for (int a = 0; a < view->naction && hides; ++a) {
+            pm_logger_action bath = view->action[a];
+            if (bath.effect != PM_LOGGER_BATH || view->column[bath.target].part != hidden->part) {
+                continue;
+            }
+            for (int c = 0; c < view->nvariable && view->naction < PM_LOGGER_ACTIONS; ++c) {
+                bool reached = view->column[c].kind != PM_LOGGER_TEMPERATURE ||
+                               view->column[c].part != hidden->part;
                 for (int b = 0; b < view->naction; ++b) {
                     reached = reached ||
                               (view->action[b].input == bath.input && view->action[b].target == c);
                 }
                 if (!reached) {
-                    view->action[view->naction] = bath;
-                    view->action[view->naction++].target = c;
+                    bath.target = c;
+                    view->action[view->naction++] = bath;
                 }
             }
         }
