@@ -4,10 +4,6 @@
 #include <float.h>
 #include <math.h>
 
-// A vector may be longer or shorter than all that training saw by this part of its length: that of
-// a direction is constant, but for the error of the integrator.
-#define SLACK 1e-3
-
 static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
 
 // The bounds of the empty range are finite, since weights files hold finite numbers only. The first
@@ -55,7 +51,7 @@ pm_training_range pm_training_range_of(const pm_part *part) {
 pm_departure pm_training_range_of_group(pm_training_range range, int g, const double *z) {
     const pm_group *group = &range.layout->group[g];
     const double low = range.low[g], high = range.high[g];
-    const double slack = group->size > 1 ? SLACK * high : 0;
+    const double slack = group->size > 1 ? PM_RANGE_SLACK * high : 0;
     const double value = measure(group, z), width = fmax(high - low, slack);
     const double beyond = fmax(low - value, value - high);
     const double widths = beyond <= slack ? 0 : width > 0 ? beyond / width : INFINITY;

@@ -10,6 +10,9 @@
 
 #include "model/part.h"
 
+// A vector may be longer or shorter than all that training saw by this part of its length.
+#define PM_RANGE_SLACK 1e-3
+
 // Declares an empty range for the part. PM_ENOMEM.
 pm_status pm_training_range_declare(pm_part *part);
 // Empties a declared range again.

@@ -224,13 +224,14 @@ PM_SIMD_CLONES void pm_lanes_add(int count, int lanes, const int *component,
 PM_SIMD_CLONES static void note_out_of_range(const pm_group *group, double low, double high,
                                              int lanes, const double *z, uint64_t *outside) {
     const double *x = z + (ptrdiff_t)group->first * lanes;
+    const double slack = group->size > 1 ? PM_RANGE_SLACK * high : 0;
     if (lanes == 1) {
         double sum = 0;
         for (int c = 0; c < group->size; ++c) {
             sum += x[c] * x[c];
         }
         const double size = group->size > 1 ? sqrt(sum) : x[0];
-        outside[0] |= low > size || size > high;
+        outside[0] |= low - size > slack || size - high > slack;
         return;
     }
     for (int v = 0; v < lanes; v += PM_LANES) {
@@ -246,7 +247,7 @@ PM_SIMD_CLONES static void note_out_of_range(const pm_group *group, double low, 
             measure[l] = sqrt(square[l]);
         }
         memcpy(&before, outside + v, sizeof before);
-        before |= ((bits)(low > measure) | (bits)(measure > high)) & 1;
+        before |= ((bits)(low - measure > slack) | (bits)(measure - high > slack)) & 1;
         memcpy(outside + v, &before, sizeof before);
     }
 }

@@ -117,7 +117,7 @@ void pm_lanes_add(int count, int lanes, const int *component, const pm_lane_plac
                   int begin, int end, const double *rate, double *to);
 
 // Sets outside [lanes] to 1 where a group of the state z [layout->nz][lanes] is outside its
-// training range, be it by rounding, and to 0 elsewhere. pm_training_range_departure decides then.
+// training range, as pm_training_range_departure says, and to 0 elsewhere.
 void pm_lanes_outside(pm_training_range range, int lanes, const double *z, uint64_t *outside);
 
 // pm_lanes_any returns 1 if any number of x [lanes] is not zero, pm_lanes_all if no number is zero,

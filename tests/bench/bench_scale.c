@@ -1,7 +1,7 @@
 // Measures systems of 2 to 100,000 learned links (many_links.h) in one process: the processor time
 // of a link and step, of reading and building a link, and the memory of a link. The sizes take
 // turns, so that a busy machine slows all of them alike.
-//   run_bench_scale CONFIGS [INTEGRATOR [SHAPE]]
+//   run_bench_scale CONFIGS [INTEGRATOR [SHAPE [compiled]]]
 #include <malloc.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -51,6 +51,7 @@ static pm_status open_subject(subject *s, many_links what) {
     PM_TRY(pm_system_load(&s->system, s->scene, NULL));
     const double loaded = now();
     s->bytes[1] = allocated() - nothing - s->bytes[0];
+    s->system->compiled = what.compiled;
     PM_TRY(pm_monolithic_open(&s->monolithic, s->system));
     s->open = now() - loaded;
     s->bytes[2] = allocated() - nothing - s->bytes[0] - s->bytes[1];
@@ -100,7 +101,8 @@ static pm_status run(subject *subjects, const many_links *what) {
             PM_TRY(measure(&subjects[i], round));
         }
     }
-    printf("%s, %s; processor time of a link\n", what->shape, what->integrator);
+    printf("%s, %s, %s; processor time of a link\n", what->shape, what->integrator,
+           what->compiled ? "compiled" : "interpreted");
     printf(
         "  links  ns/step: least, median, quartiles  M/s    us: read    load    open  bytes: scene "
         "system integration\n");
@@ -111,8 +113,8 @@ static pm_status run(subject *subjects, const many_links *what) {
 }
 
 int main(int argc, char **argv) {
-    if (argc < 2 || argc > 4) {
-        fprintf(stderr, "usage: run_bench_scale CONFIGS [INTEGRATOR [SHAPE]]\n");
+    if (argc < 2 || argc > 5) {
+        fprintf(stderr, "usage: run_bench_scale CONFIGS [INTEGRATOR [SHAPE [compiled]]]\n");
         return PM_EUSAGE;
     }
     pm_linalg_init();
@@ -120,7 +122,8 @@ int main(int argc, char **argv) {
     const many_links what = {.configs = argv[1],
                              .shape = argc > 3 ? argv[3] : "chain",
                              .integrator = argc > 2 ? argv[2] : "euler",
-                             .steps = 1};
+                             .steps = 1,
+                             .compiled = argc > 4};
     const pm_status status = run(subjects, &what);
     if (status != PM_OK) {
         fprintf(stderr, "bench_scale: %s\n", pm_error());

@@ -12,6 +12,7 @@ typedef struct many_links {
     const char *integrator; // of a step of 1 us
     int links;              // of a grid, the next smaller square, at least four
     long steps;
+    bool compiled; // by the bench that opens the system
 } many_links;
 
 // Reads the scene of such a system. The table of a network is a file in TMPDIR, which is removed.
