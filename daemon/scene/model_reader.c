@@ -452,9 +452,9 @@ static pm_status read_derived(pm_yaml block, pm_arena *arena, pm_derived_spec *d
 
 // --- constants ---
 
-// Reads a constant: a number, or {learned: start, positive: true, shared: true}.
+// Reads a constant: a number, or {learned: start, positive: true, shared: true, optional: true}.
 static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
-                               pm_constant_kind *kind, bool *shared) {
+                               pm_constant_kind *kind, bool *shared, bool *optional) {
     *kind = PM_CONSTANT_KNOWN;
     if (!pm_yaml_is_map(value)) {
         return pm_yaml_double(value, -INFINITY, INFINITY, number);
@@ -464,6 +464,7 @@ static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
     const pm_yaml_key keys[] = {{PM_YAML_VALUE("learned", &start), .required = true},
                                 {PM_YAML_BOOL("positive", &positive)},
                                 {PM_YAML_VALUE("shared", &once)},
+                                {PM_YAML_BOOL("optional", optional)},
                                 {0}};
     PM_TRY(pm_yaml_read(value, arena, keys));
     PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
@@ -505,6 +506,7 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
     double *value = pm_arena_array(arena, most, sizeof *value);
     pm_constant_kind *learned = pm_arena_array(arena, most, sizeof *learned);
     bool *shared = pm_arena_array(arena, most, sizeof *shared);
+    bool *optional = pm_arena_array(arena, most, sizeof *optional);
     PM_TRY(check_memory(arena));
     int count = 0;
     for (int m = 0; m < 2; ++m) {
@@ -514,7 +516,8 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
             pm_yaml key, number;
             pm_yaml_entry(map[m], i, &key, &number);
             PM_TRY(pm_yaml_text(key, arena, &name[count]));
-            PM_TRY(read_constant(number, arena, &value[count], &learned[count], &shared[count]));
+            PM_TRY(read_constant(number, arena, &value[count], &learned[count], &shared[count],
+                                 &optional[count]));
             bool there = false;
             for (int k = 0; k < before; ++k) {
                 there = there || strcmp(name[k], name[count]) == 0;
@@ -522,7 +525,7 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
             count += !there;
         }
     }
-    *list = (pm_constants){count, name, value, learned, shared};
+    *list = (pm_constants){count, name, value, learned, shared, optional};
     *constants = list;
     const context r = {arena, *constants};
     if (v->form == PM_FREE) {

@@ -1,6 +1,6 @@
 // Multiple shooting: its gradient agrees with finite differences, and eliminating the starts of all
 // windows gives a step that solves the normal equations of all unknowns, which is bent by the
-// second derivative of the residuals.
+// second derivative of the residuals. A weight is spare if the quadratic model says so.
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "shooting/shooting.h"
+#include "inference/uncertainty.h"
 #include "tests/support/random_system.h"
 
 #define NZ 10
@@ -362,12 +362,60 @@ static void steps_are_bent(void **state) {
     bench_close(&b);
 }
 
+// A weight alone is spare if the rise of the objective without it, by its variance, is below half
+// the logarithm of the number of measurements. In short windows nothing is spare.
+static void weights_are_spare(void **state) {
+    (void)state;
+    bench b;
+    bench_open(&b, 8, "rk4", SAMPLES);
+    pm_shooting *s = &b.shooting;
+    const int n = s->nweight;
+    unsigned char *optional = calloc((size_t)n, 1);
+    bool *spare = calloc((size_t)n, sizeof *spare);
+    pm_uncertainty u;
+    assert_true(optional != NULL && spare != NULL);
+    for (int i = 0; i < n; ++i) {
+        s->terms.reach[i] =
+            i % 2 == 0 ? 1e3 : 1e-2; // the data fix the former, the prior the latter
+    }
+    memcpy(s->z, b.point + n, (size_t)s->nwindow * NZ * sizeof *s->z);
+    assert_int_equal(pm_uncertainty_make(&u, s), PM_OK);
+    double measurements = 1;
+    for (int i = 0; i < TRACKS; ++i) {
+        measurements += b.track[i].count * s->ny;
+    }
+    int found = 0;
+    for (int i = 0; i < DIRECTIONS; ++i) {
+        const double away = i % 2 == 0 ? u.weights[i] : 1;
+        const double variance = u.covariance[(ptrdiff_t)i * (n + 1)] / u.inflation;
+        const double rise = away * away / (2 * variance), most = log(measurements) / 2;
+        optional[i] = i % 2 == 0 ? PM_WEIGHT_OPTIONAL : PM_LOGARITHM_OPTIONAL;
+        assert_int_equal(pm_uncertainty_spare(s, optional, spare), PM_OK);
+        for (int j = 0; j < n; ++j) {
+            const bool may = i == j && fabs(rise / most - 1) < STEP;
+            assert_true(may || spare[j] == (i == j && rise < most));
+        }
+        found += spare[i];
+        optional[i] = PM_WEIGHT_NEEDED;
+    }
+    assert_true(found > 0 && found < DIRECTIONS);
+    optional[0] = PM_WEIGHT_OPTIONAL;
+    assert_int_equal(pm_shooting_divide(s, LENGTH), PM_OK);
+    assert_int_equal(pm_uncertainty_spare(s, optional, spare), PM_OK);
+    assert_false(spare[0]);
+    free(optional);
+    free(spare);
+    pm_uncertainty_free(&u);
+    bench_close(&b);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradient_of_rk4),
         cmocka_unit_test(gradient_of_discrete_gradient),
         cmocka_unit_test(elimination_solves_the_equations),
         cmocka_unit_test(steps_are_bent),
+        cmocka_unit_test(weights_are_spare),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

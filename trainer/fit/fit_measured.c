@@ -536,15 +536,19 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
                                 (friction && strncmp(entry->name, "irreversible.matrix.", 20) == 0);
             const bool linear = beside && strstr(entry->name, ".layer") == NULL;
             const bool held = linear && f->position.finer != WITH_NETWORKS;
-            bool positive = false;
-            for (int j = 0; constant && known != NULL && known->learned != NULL && j < known->count;
-                 ++j) {
-                positive = positive || (known->learned[j] == PM_CONSTANT_POSITIVE &&
-                                        strcmp(known->name[j], entry->name + 9) == 0);
+            bool positive = false, optional = false;
+            for (int j = 0; constant && learns && j < known->count; ++j) {
+                if (strcmp(known->name[j], entry->name + 9) == 0) {
+                    positive = known->learned[j] == PM_CONSTANT_POSITIVE;
+                    optional = known->optional != NULL && known->optional[j];
+                }
             }
             const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
                 f->measured.beside[at] = linear ? 1 : beside ? 2 : 0;
+                f->measured.optional[at] = !optional  ? PM_WEIGHT_NEEDED
+                                           : positive ? PM_LOGARITHM_OPTIONAL
+                                                      : PM_WEIGHT_OPTIONAL;
                 terms->reach[at] = positive    ? PM_SHOOTING_REACH
                                    : held      ? HELD_REACH
                                    : constant  ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
@@ -619,8 +623,8 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
     }
     const bool whole = p->attempt == MOST_ATTEMPTS ? p->loss < STOPPED : p->attempt == LONG_ATTEMPT;
     const pm_fit_effort *effort = f->arguments->effort;
-    continuation->first =
-        whole || (effort != NULL && effort->whole) ? pm_continuation_longest(s) : 0;
+    const bool good = effort != NULL ? effort->whole : f->training->whole && p->attempt == 0;
+    continuation->first = whole || good ? pm_continuation_longest(s) : 0;
     s->terms.huber = whole ? INFINITY : f->measured.huber;
     PM_TRY(restore_point(m, s, &continuation->first_point));
     const pm_status status = pm_continuation_run(s, continuation, end);
@@ -830,6 +834,8 @@ static pm_status run(pm_fit *f) {
         shooting.terms.prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
     }
     f->measured.beside = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
+    f->measured.optional = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
+    f->measured.spare = pm_arena_array(&f->arena, (size_t)f->size + 1, sizeof(bool));
     PM_TRY_DONE(pm_arena_status(&f->arena, "networks beside formulas"));
     set_reaches(f, &shooting.terms);
     for (int c = 0; c < shooting.nz; ++c) {
@@ -895,7 +901,8 @@ static pm_status run(pm_fit *f) {
         }
         f->measured.misfit += n > 0 ? n * log(sqrt(square / n)) : 0;
     }
-    status = f->arguments->effort == NULL ? find_uncertainty(f, &shooting, true) : PM_OK;
+    status = f->arguments->effort == NULL ? find_uncertainty(f, &shooting, true)
+                                          : pm_uncertainty_spare(&shooting, m->optional, m->spare);
 done:
     if (status == PM_EINTERRUPTED && context.ended) { // a short fit
         status = PM_OK;

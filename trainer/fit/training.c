@@ -123,6 +123,7 @@ static pm_status read_start(pm_training *t, pm_yaml block) {
     const pm_yaml_key keys[] = {{PM_YAML_TEXT("from", &t->from)},
                                 {PM_YAML_INT("tries", &t->tries, 1, 1000)},
                                 {PM_YAML_INT("iterations", &t->try_iterations, 1, 10000)},
+                                {PM_YAML_BOOL("whole", &t->whole)},
                                 {0}};
     PM_TRY(pm_yaml_read(block, &t->arena, keys));
     t->from = t->from == NULL ? NULL : resolve(t, t->from);

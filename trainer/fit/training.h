@@ -40,6 +40,7 @@ typedef struct pm_training {
     bool plain;         // models stay as they are written (fit/defaults.h)
     const char *from;   // path of the weights with which attempt 0 starts; NULL: draws
     int tries;          // initial draws to choose from (fit/start.h)
+    bool whole;         // measurements: the first windows are whole trajectories
     int try_iterations; // iterations of each draw in the first round
     int substeps;       // of the loss; a fit to measurements, which has no stages, ends with them
     int nstage;

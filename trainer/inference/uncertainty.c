@@ -240,6 +240,73 @@ void pm_uncertainty_free(pm_uncertainty *u) {
     *u = (pm_uncertainty){0};
 }
 
+// --- what may as well be zero ---
+
+pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, bool *spare) {
+    pm_arena scratch = {0};
+    pm_status status = PM_OK;
+    const size_t n = (size_t)s->nweight, nz = (size_t)s->nz * (size_t)s->nwindow;
+    double *step = pm_arena_array(&scratch, n + nz, sizeof *step);
+    double *inverse = pm_arena_array(&scratch, n * n + 1, sizeof *inverse);
+    double *column = pm_arena_array(&scratch, n + 1, sizeof *column);
+    double *away = pm_arena_array(&scratch, n + 1, sizeof *away); // from zero
+    double count = 1;
+    PM_TRY_DONE(pm_arena_status(&scratch, "what is spare"));
+    memset(spare, 0, n * sizeof *spare);
+    // The free starts of short windows would make up for much that is needed.
+    bool whole = n > 0 && s->nwindow > 0;
+    for (int w = 0; w < s->nwindow; ++w) {
+        whole = whole && !s->window[w].follows && s->window[w].ends;
+    }
+    if (!whole) {
+        goto done;
+    }
+    pm_shooting_evaluate(s, s->z, true);
+    PM_TRY_DONE(s->failed);
+    if (!pm_shooting_solve(s, 0, step, step + n)) {
+        goto done;
+    }
+    for (size_t i = 0; i < n; ++i) {
+        inverse[i * (n + 1)] = 1;
+    }
+    pm_cholesky_back(s->nweight, s->blocks.reduced, s->nweight, inverse);
+    pm_shooting_weights(s, away);
+    for (size_t i = 0; i < n; ++i) { // a logarithm along its tangent
+        away[i] = optional[i] == PM_LOGARITHM_OPTIONAL ? 1 : away[i];
+    }
+    for (int i = 0; i < s->tracks->count; i += s->stride) {
+        count += (double)s->tracks->track[i].count * s->ny;
+    }
+    for (;;) {
+        size_t least = n;
+        double rise = log(count) / 2;
+        for (size_t k = 0; k < n; ++k) {
+            const double own = away[k] * away[k] / (2 * inverse[k * (n + 1)]);
+            if (optional[k] != PM_WEIGHT_NEEDED && !spare[k] && own < rise) {
+                least = k;
+                rise = own;
+            }
+        }
+        if (least == n) {
+            break;
+        }
+        const double variance = inverse[least * (n + 1)], moves = away[least];
+        spare[least] = true;
+        for (size_t i = 0; i < n; ++i) {
+            column[i] = inverse[i * n + least];
+        }
+        for (size_t i = 0; i < n; ++i) {
+            away[i] -= column[i] / variance * moves;
+            for (size_t j = 0; j < n; ++j) {
+                inverse[i * n + j] -= column[i] * column[j] / variance;
+            }
+        }
+    }
+done:
+    pm_arena_free(&scratch);
+    return status;
+}
+
 // --- the file ---
 
 pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder) {

@@ -43,6 +43,22 @@ double pm_uncertainty_independent(const pm_shooting *s, int column, double *size
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
 void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 
+// What is known of a weight: whether it may be zero, or the positive number of which it is the
+// logarithm.
+typedef enum pm_optional_weight {
+    PM_WEIGHT_NEEDED,
+    PM_WEIGHT_OPTIONAL,
+    PM_LOGARITHM_OPTIONAL
+} pm_optional_weight;
+
+// Sets spare [nweight] where an optional weight may as well be zero: one after the other, each time
+// the one whose loss raises the objective least when all others follow, as long as it rises by less
+// than the information that the measurements have about one number (Schwarz, Ann. Stat. 6, 1978).
+// The rise is that of the quadratic model at the present weights and starts (Hassibi, Stork, NIPS
+// 1992). Nothing is spare where the measurements and the priors do not fix all weights, or where
+// windows are not whole trajectories. PM_ENOMEM.
+pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, bool *spare);
+
 // Writes "measured.h5" into the folder. PM_EFILE.
 pm_status pm_uncertainty_save(const pm_uncertainty *u, const char *folder);
 // Reads "measured.h5" from the folder, and sets *found to false if there is no such file. The

@@ -40,6 +40,8 @@
 #define DRIVEN 0.05
 #define ACTS 2e-3
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
+#define MOST_LEAN 3
+#define MUCH_WORSE 1.1
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
@@ -207,12 +209,16 @@ typedef struct hidden_search {
     int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
     bool simpler[MOST_TRIALS];                  // it has fewer constants than the one it began with
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
+    bool lean[MOST_TRIALS];         // likewise
     pm_search_trial trial[MOST_TRIALS];
     // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
     // depend on the machine; and as measured, which ends the trials on slow ones
     double spent, used;
     const char *start;  // where the constants of the best guesses begin in the fit; or NULL
     bool short_of_time; // the first trial had not ended in its time
+    // Where the best trial, which is lean, left its constants, and the spare ones that it left out.
+    char lean_found[2 * PM_SEARCH_FOUND];
+    char leaner[2 * PM_SEARCH_FOUND]; // likewise, where the next one begins
 } hidden_search;
 
 // Takes what is chosen of inputs between samples and of inertias over into the view.
@@ -238,7 +244,8 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
                              .data_path = s->data_path,
                              .most = s->most,
                              .seconds = s->seconds,
-                             .found = s->found[*chosen]};
+                             .found = s->found[*chosen],
+                             .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
     hints.guess = s->guess[*chosen];
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
@@ -273,7 +280,7 @@ static int hidden_by(const hidden_search *s, int id) {
 // Returns where the best trial left the constants, or, where it learned networks, too, where they
 // began in it.
 static const char *found_by_best(const hidden_search *s) {
-    const char *found = s->trial[s->best].found;
+    const char *found = s->lean[s->best] ? s->lean_found : s->trial[s->best].found;
     return *found != '\0' ? found : s->found[s->best];
 }
 
@@ -517,6 +524,65 @@ static pm_status try_again(hidden_search *s, bool turn) {
     return PM_OK;
 }
 
+// Writes lines of `from` behind what is in `to` [2 PM_SEARCH_FOUND]: those of spare constants, or
+// all others and these without their mark. Returns how many are spare.
+static int add_lines(char *to, const char *from, bool spare) {
+    size_t length = strlen(to);
+    int count = 0;
+    for (const char *line = from, *end; *line != '\0'; line = end) {
+        end = strchr(line, '\n') + 1;
+        const char *mark = strstr(line, PM_SEARCH_SPARE "\n");
+        const bool marked = mark != NULL && mark < end;
+        const size_t size = (size_t)((marked && !spare ? mark : end - 1) - line);
+        if ((marked || !spare) && length + size + 1 < 2 * PM_SEARCH_FOUND) {
+            memcpy(to + length, line, size);
+            memcpy(to + length + size, "\n", 2);
+            length += size + 1;
+        }
+        count += marked;
+    }
+    return count;
+}
+
+// Tries the best guesses without the constants that the data do not need, again and again: a law
+// with fewer constants takes less time, and is easier to read. It may be less likely by as much as
+// so many constants are worth.
+static pm_status leave_out(hidden_search *s) {
+    const int n = s->most < s->dataset->ntrajectory ? s->most : s->dataset->ntrajectory;
+    const double worth =
+        log((double)n * s->dataset->ntime * fmax(s->first.nvariable, 1)) / 2; // of a constant
+    for (int pass = 0; pass < MOST_LEAN && s->most > 0 && s->count < MOST_TRIALS; ++pass) {
+        const int from = s->count, before = s->best;
+        *s->leaner = '\0';
+        const int count = add_lines(s->leaner, s->trial[before].found, true);
+        if (s->lean[before]) {
+            add_lines(s->leaner, s->lean_found, true);
+        }
+        add_lines(s->leaner, s->trial[before].found, false);
+        if (count == 0 || s->trial[before].failed) {
+            return PM_OK;
+        }
+        memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
+        memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
+        s->simpler[from] = s->lean[from] = true;
+        s->found[from] = s->leaner;
+        ++s->count;
+        PM_TRY(try_guesses(s, from));
+        const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
+        const bool kept = !lean->failed &&
+                          lean->score.misfit < full->score.misfit + count * worth &&
+                          lean->score.rollout < full->score.rollout * MUCH_WORSE;
+        s->best = kept ? from : before;
+        if (!kept) {
+            return PM_OK;
+        }
+        *s->lean_found = '\0';
+        add_lines(s->lean_found, s->leaner, true);
+        add_lines(s->lean_found, lean->found, false);
+    }
+    return PM_OK;
+}
+
 // Tries what may be hidden, and other laws.
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
@@ -598,10 +664,12 @@ static pm_status confirm(hidden_search *s) {
         memcpy(s->chosen[last], s->chosen[s->best], sizeof s->chosen[0]);
         for (int k = 0; k < 2 && !fits && status == PM_OK; ++k) {
             s->found[last] = k == 0 ? found_by_best(s) : NULL;
+            s->lean[last] = k == 0 && s->lean[s->best];
             effort.whole = s->found[last] != NULL && !s->short_of_time;
             status = pm_search_try(&space, 1, vector, &effort, SAFETY * LEAST + ENDED, NULL,
                                    s->hints->stop, &s->trial[last], &s->used);
-            fits = !s->trial[last].failed;
+            // What takes long has begun to fit.
+            fits = !s->trial[last].failed || s->trial[last].unfinished;
             s->start = s->found[last];
         }
         if (!fits && status == PM_OK) {
@@ -672,7 +740,10 @@ static void print_trials(const hidden_search *s, FILE *f) {
             }
         }
         fputs(any ? "" : "as units and regressions say", f);
-        fputs(is_twin(s, i) ? ", begun anew" : "", f);
+        fputs(s->lean[i]      ? ", without what the data do not need"
+              : is_twin(s, i) ? ", begun anew"
+                              : "",
+              f);
         const pm_search_trial *t = &s->trial[i];
         if (t->failed) {
             fprintf(f, " (failed: %s)\n", t->reason);
@@ -783,6 +854,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     }
     if (hints->budget > 0) {
         PM_TRY_DONE(find_hidden(search));
+        PM_TRY_DONE(leave_out(search));
         PM_TRY_DONE(confirm(search));
         print_trials(search, comment);
     }
@@ -802,6 +874,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     own.budget = fmax(own.budget - search->used, 0);
     if (pm_logger_is_measured(&draft.view)) {
         draft.found = search->start;
+        draft.lean = draft.found != NULL && search->lean[search->best];
+        draft.ended = draft.found != NULL && error_of(search, search->best) < SMALL_ERROR;
     }
     PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);

@@ -944,7 +944,7 @@ static void write_input(pm_logger_writer *w, int part, int input) {
 pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chosen,
                                    const char *comment, const char *path) {
     const pm_logger_view *v = &draft->view;
-    pm_logger_writer w = {.v = v, .chosen = chosen, .found = draft->found};
+    pm_logger_writer w = {.v = v, .chosen = chosen, .found = draft->found, .lean = draft->lean};
     PM_TRY(pm_files_create(&w.f, path, PM_PROPOSED));
     fprintf(w.f, PM_PROPOSED " from the columns of a logger.\n%s", comment);
     for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
@@ -1022,7 +1022,7 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
                 ITERATIONS, BATCH);
     } else {
         // All but the networks begins where regressions or a trial put it.
-        fprintf(w.f, "\nstart: {tries: %d}\n", TRIES);
+        fprintf(w.f, "\nstart: {tries: %d%s}\n", TRIES, draft->ended ? ", whole: true" : "");
     }
     return close_file(w.f, path);
 }

@@ -28,6 +28,8 @@ typedef struct pm_logger_draft {
     double seconds;    // for a trial: of each trajectory the first ones; 0: all
     double coarse;     // what the steps of a trial cost (pm_fit_score); 0: not known
     const char *found; // where constants begin (pm_search_trial); NULL: where regressions put them
+    bool lean;         // without the constants of `found` that are spare
+    bool ended;        // `found` is where a fit ended: the next one begins with whole trajectories
 } pm_logger_draft;
 
 // Returns the number of alternatives that the columns leave for a choice, 1 if there is nothing to

@@ -5,6 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "propose/logger_shorten.h"
+#include "propose/search.h"
+
 #define FURTHEST 1e3 // factor by which a positive constant moves from where regressions put it
 #define LEAST_CONSTANT 1e-40 // a positive constant begins at no less: capacities of oil are small
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
@@ -45,46 +48,87 @@ bool pm_logger_begin(pm_logger_writer *w) {
     return w->list != NULL && w->model != NULL;
 }
 
+// A line of the list of constants: "      NAME: {learned: VALUE...}".
+typedef struct listed_constant {
+    const char *line, *end, *value, *rest; // `value` and `rest` are NULL where nothing is learned
+    char name[PM_LOGGER_TEXT];
+    const char *found; // its value in pm_logger_writer.found; NULL: there is none
+    bool zero;         // it is left out, with what it multiplies
+} listed_constant;
+
+static listed_constant read_constant(const pm_logger_writer *w, const char *model,
+                                     const char *line) {
+    listed_constant c = {.line = line, .end = strchr(line, '\n') + 1};
+    char key[2 * PM_LOGGER_TEXT];
+    double value;
+    int at = 0, after = 0;
+    if (sscanf(line, " %119[^:]: {learned: %n%lf%n", c.name, &at, &value, &after) != 2) {
+        return c;
+    }
+    c.value = line + at;
+    c.rest = line + after;
+    snprintf(key, sizeof key, "%s.%s=", model, c.name);
+    const char *found = w->found == NULL ? NULL : strstr(w->found, key);
+    while (found != NULL && found != w->found && found[-1] != '\n') {
+        found = strstr(found + 1, key);
+    }
+    c.found = found == NULL ? NULL : found + strlen(key);
+    if (c.found != NULL && w->lean) {
+        const size_t digits = strcspn(c.found, " \n");
+        c.zero = strncmp(c.found + digits, PM_SEARCH_SPARE, strlen(PM_SEARCH_SPARE)) == 0;
+    }
+    return c;
+}
+
 // Ends a model: writes its constants, then its body, unless it could not begin.
 void pm_logger_end(pm_logger_writer *w, const char *name) {
     const bool begun = w->list != NULL && w->model != NULL;
+    pm_arena arena = {0};
     if (w->list != NULL) {
         fclose(w->list);
     }
     if (w->model != NULL) {
         fclose(w->model);
     }
-    if (begun) {
-        fprintf(w->f, "  %s:\n", name);
-        if (w->size > 0) {
-            fputs("    constants:\n", w->f);
+    int count = 0, nzero = 0, written = 0;
+    for (const char *line = w->constants; begun && *line != '\0'; line = strchr(line, '\n') + 1) {
+        ++count;
+    }
+    listed_constant *constant = pm_arena_array(&arena, (size_t)count + 1, sizeof *constant);
+    const char **zero = pm_arena_array(&arena, (size_t)count + 1, sizeof *zero);
+    if (begun && !arena.failed) {
+        const char *line = w->constants;
+        for (int i = 0; i < count; ++i) {
+            constant[i] = read_constant(w, name, line);
+            line = constant[i].end;
+            zero[nzero] = constant[i].name;
+            nzero += constant[i].zero;
         }
+        const char *brief = nzero > 0 ? pm_logger_shorten(&arena, w->body, nzero, zero) : w->body;
+        const char *body = brief == NULL ? w->body : brief;
+        fprintf(w->f, "  %s:\n", name);
         // Constants begin where a fit has left them if one was tried. What it has moved very far
         // began in no better place: a positive constant at zero would stay there.
-        for (const char *line = w->constants, *end; *line != '\0'; line = end) {
-            char key[2 * PM_LOGGER_TEXT], constant[PM_LOGGER_TEXT];
-            double value = NAN;
-            int at = 0, after = 0;
-            end = strchr(line, '\n') + 1;
-            const bool learned =
-                sscanf(line, " %119[^:]: {learned: %n%lf%n", constant, &at, &value, &after) == 2;
-            snprintf(key, sizeof key, "%s.%s=", name, learned ? constant : "");
-            const char *found = learned && w->found != NULL ? strstr(w->found, key) : NULL;
-            while (found != NULL && found != w->found && found[-1] != '\n') {
-                found = strstr(found + 1, key);
-            }
-            if (found == NULL) {
-                fwrite(line, 1, (size_t)(end - line), w->f);
+        for (int i = 0; i < count; ++i) {
+            const listed_constant *c = &constant[i];
+            const bool shared = pm_logger_mentions(c->line, "shared"); // perhaps with the scene
+            if (c->value != NULL && nzero > 0 && !shared && !pm_logger_mentions(body, c->name)) {
                 continue;
             }
-            const double own = strtod(found + strlen(key), NULL);
-            const bool positive = strncmp(line + after, ", positive", strlen(", positive")) == 0;
-            fprintf(w->f, "%.*s%.6g%.*s", at, line,
-                    positive ? fmin(fmax(own, value / FURTHEST), value * FURTHEST) : own,
-                    (int)(end - line) - after, line + after);
+            fputs(written++ == 0 ? "    constants:\n" : "", w->f);
+            if (c->found == NULL) {
+                fwrite(c->line, 1, (size_t)(c->end - c->line), w->f);
+                continue;
+            }
+            const double own = strtod(c->found, NULL), start = strtod(c->value, NULL);
+            const bool positive = strncmp(c->rest, ", positive", strlen(", positive")) == 0;
+            fprintf(w->f, "%.*s%.6g%.*s", (int)(c->value - c->line), c->line,
+                    positive ? fmin(fmax(own, start / FURTHEST), start * FURTHEST) : own,
+                    (int)(c->end - c->rest), c->rest);
         }
-        fputs(w->body, w->f);
+        fputs(body, w->f);
     }
+    pm_arena_free(&arena);
     free(w->constants);
     free(w->body);
     w->list = w->model = NULL;
@@ -98,30 +142,29 @@ static bool has_constant(pm_logger_writer *w, const char *kind, const char *name
     return fflush(w->list) == 0 && w->constants != NULL && strstr(w->constants, line) != NULL;
 }
 
-// Adds a positive learned constant "<kind>_<name>" to the model, unless it is there.
-void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start) {
+void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start,
+                        const char *more) {
     if (!has_constant(w, kind, name)) {
-        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true}\n", kind, name,
-                fmax(fabs(start), LEAST_CONSTANT));
+        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true%s}\n", kind, name,
+                fmax(fabs(start), LEAST_CONSTANT), more);
     }
 }
 
-void pm_logger_shared(pm_logger_writer *w, const char *kind, const char *name, double start) {
+// Adds a learned constant as pm_logger_number does; `more` are further entries of its line.
+static const char *add_number(pm_logger_writer *w, const char *kind, const char *name, double start,
+                              double size, const char *more) {
+    char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
+    const double scale = size > 0 && isfinite(size) ? pow(DECADE, round(log10(size))) : 1;
     if (!has_constant(w, kind, name)) {
-        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind, name,
-                fmax(fabs(start), LEAST_CONSTANT));
+        fprintf(w->list, "      %s_%s: {learned: %.6g%s}\n", kind, name, start / scale, more);
     }
+    snprintf(text, PM_LOGGER_TEXT, "%.6g*%.20s_%.90s", scale, kind, name);
+    return text;
 }
 
 const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *name, double start,
                              double size) {
-    char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
-    const double scale = size > 0 && isfinite(size) ? pow(DECADE, round(log10(size))) : 1;
-    if (!has_constant(w, kind, name)) {
-        fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name, start / scale);
-    }
-    snprintf(text, PM_LOGGER_TEXT, "%.6g*%.20s_%.90s", scale, kind, name);
-    return text;
+    return add_number(w, kind, name, start, size, PM_LOGGER_OPTIONAL);
 }
 
 // Adds a learned place between `least` and `largest`, which begins at `start`, unless it is there.
@@ -133,8 +176,9 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
     char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
     const double middle = (least + largest) / 2, half = largest > least ? (largest - least) / 2 : 1;
     if (!has_constant(w, kind, name)) {
-        fprintf(w->list, "      %s_%s: {learned: %.6g}\n", kind, name,
-                asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)));
+        fprintf(w->list, "      %s_%s: {learned: %.6g%s}\n", kind, name,
+                asin(fmin(fmax((start - middle) / half, -MOST_SINE), MOST_SINE)),
+                start == 0 && middle == 0 ? ", optional: true" : "");
     }
     snprintf(text, 2 * PM_LOGGER_TEXT, "(%.6g + %.6g*sin(%.10s_%.84s))", middle, half, kind, name);
     return text;
@@ -200,7 +244,7 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
             "      - \"%s*ln(%s/%.6g) - %s\"   # no power is known: the capacity is about 1 J/K\n",
             T, T, T0, T);
     } else {
-        pm_logger_constant(w, "capacity", T, y->inertia);
+        pm_logger_constant(w, "capacity", T, y->inertia, "");
         fprintf(w->model, "      - \"capacity_%s*(%s*ln(%s/%.6g) - %s)\"\n", T, T, T, T0, T);
     }
     if (!bends) {
@@ -208,11 +252,11 @@ static void write_capacity(pm_logger_writer *w, const pm_logger_column *y, bool 
     }
     for (size_t k = 0; k < sizeof power / sizeof *power; ++k) {
         const double p = power[k];
-        pm_logger_constant(w, names[k], T, SMALL * y->inertia);
+        pm_logger_constant(w, names[k], T, SMALL * y->inertia, PM_LOGGER_OPTIONAL);
         fprintf(w->model, "      - \"%s_%s*%.6g*(%s/%.6g)^(%.6g)\"\n", names[k], T,
                 T0 / (p * (p + 1)), T, T0, p + 1);
     }
-    pm_logger_constant(w, "inverse", T, SMALL * y->inertia);
+    pm_logger_constant(w, "inverse", T, SMALL * y->inertia, PM_LOGGER_OPTIONAL);
     fprintf(w->model, "      - \"inverse_%s*%.6g*ln(%.6g/%s)\"\n", T, T0, T0, T);
 }
 
@@ -275,14 +319,14 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
     }
     snprintf(u, sizeof u, turns ? "(%s*exp(0%s))" : "%s%s", name, lever);
     snprintf(first, sizeof first, turns ? "      - \"exp(-(0%s))*(" : "      - \"%s(", lever);
-    pm_logger_constant(w, "more", name, SMALL * inertia);
+    pm_logger_constant(w, "more", name, SMALL * inertia, PM_LOGGER_OPTIONAL);
     fprintf(w->model, "%smore_%s*%s^4/%.4g)\"\n", first, name, u, 4 * 3 * d * d);
     const pm_unit pressure = pm_unit_parse("Pa");
     if (pm_unit_equal(&y->dimension, &pressure) && y->least > SMALL * y->largest) {
         // Gas under pressure p has a capacity of p^-2 at constant temperature, and of less high
         // powers without exchange of heat.
-        pm_logger_constant(w, "isothermal", name, SMALL * inertia);
-        pm_logger_constant(w, "polytropic", name, SMALL * inertia);
+        pm_logger_constant(w, "isothermal", name, SMALL * inertia, PM_LOGGER_OPTIONAL);
+        pm_logger_constant(w, "polytropic", name, SMALL * inertia, PM_LOGGER_OPTIONAL);
         fprintf(w->model, "%sisothermal_%s*%.6g*ln(%.6g/%s))\"\n", first, name, y->mean * y->mean,
                 y->mean, u);
         fprintf(w->model, "%s-polytropic_%s*%.6g*sqrt(%s))\"\n", first, name,
@@ -292,12 +336,11 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
         static const char *const kinds[] = {"bell", "bell", "bell", "rise", "fall"};
         char n[PM_LOGGER_TEXT], x[3 * LEVER_TEXT], root[4 * LEVER_TEXT];
         snprintf(n, sizeof n, "%.40s_%d", name, k + 1);
-        pm_logger_constant(w, kinds[k], n, SMALL * inertia);
+        pm_logger_constant(w, kinds[k], n, SMALL * inertia, PM_LOGGER_OPTIONAL);
         snprintf(x, sizeof x, "(%s - %.60s)", u,
-                 pm_logger_number(w, "place", n,
-                                  y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
-                                  y->deviation));
-        pm_logger_constant(w, "width", n, y->deviation);
+                 add_number(w, "place", n, y->mean + (k < BENDS ? k - BENDS / 2 : 0) * y->deviation,
+                            y->deviation, ""));
+        pm_logger_constant(w, "width", n, y->deviation, "");
         snprintf(root, sizeof root, "sqrt(%s^2 + width_%s^2)", x, n);
         if (k < BENDS) {
             fprintf(w->model, "%sbell_%s*width_%s*(%s - width_%s))\"\n", first, n, n, root, n);
@@ -394,7 +437,7 @@ static void write_shared_energy(pm_logger_writer *w, int part) {
             } else if (y->free_scale) {
                 fputs("      - \"(1", w->model); // nothing fixes its scale
             } else {
-                pm_logger_constant(w, "mass", entry, size);
+                pm_logger_constant(w, "mass", entry, size, "");
                 fprintf(w->model, "      - \"(mass_%s", entry);
             }
             for (int q = 0; q < v->nvariable; ++q) {
@@ -441,7 +484,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             const bool turns = w->v->turns[c];
             fputs(turns ? "      - \"(" : "      - \"", w->model);
             if (!y->free_scale) {
-                pm_logger_constant(w, "inertia", y->name, own);
+                pm_logger_constant(w, "inertia", y->name, own, "");
                 fprintf(w->model, "inertia_%s*", y->name);
             }
             if (turns) {
@@ -455,7 +498,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
                 if (pm_logger_is(w->v, q, part, PM_LOGGER_POSITION) && !x->angle && q != y->mate) {
                     char both[PM_LOGGER_TEXT];
                     snprintf(both, sizeof both, "%.40s_by_%.40s", y->name, x->name);
-                    pm_logger_constant(w, "swing", both, SMALL * own);
+                    pm_logger_constant(w, "swing", both, SMALL * own, PM_LOGGER_OPTIONAL);
                     fprintf(w->model, " + swing_%s*(%s/%.6g)^2", both, x->name,
                             fmax(fabs(x->least), fabs(x->largest)));
                 }
@@ -475,7 +518,7 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             fprintf(w->model, "%s^2/2\"%s\n", shares ? ")" : y->name,
                     y->free_scale ? "   # nothing fixes its scale, which is 1" : "");
             if (bends && y->kind == PM_LOGGER_LEVEL) {
-                pm_logger_constant(w, "wider", y->name, SMALL * own);
+                pm_logger_constant(w, "wider", y->name, SMALL * own, PM_LOGGER_OPTIONAL);
                 fprintf(w->model, "      - \"wider_%s*%s^3/%.4g\"\n", y->name, y->name,
                         2 * 3 * y->largest);
             } else if (bends && (y->bent || capacity == LEARNED_CAPACITY) &&
@@ -560,7 +603,7 @@ static const char *lever_of(pm_logger_writer *w, char text[PM_LOGGER_TEXT], int 
     const double lever = w->v->lever[q][r];
     char both[PM_LOGGER_TEXT];
     snprintf(both, sizeof both, "%.40s_%.40s", w->v->column[q].name, w->v->column[r].name);
-    pm_logger_shared(w, "lever", both, lever);
+    pm_logger_constant(w, "lever", both, lever, PM_LOGGER_SHARED);
     snprintf(text, PM_LOGGER_TEXT, "%slever_%.90s", lever < 0 ? "-" : "", both);
     return text;
 }
@@ -592,7 +635,7 @@ static void write_central(pm_logger_writer *w, int part) {
                 n += (size_t)snprintf(distance + n, sizeof distance - n, "%s(%s - %s)^2",
                                       r > q ? " + " : "", x->name, place);
                 if (r > q && n < sizeof distance) {
-                    pm_logger_constant(w, "aspect", x->name, 1);
+                    pm_logger_constant(w, "aspect", x->name, 1, "");
                     n += (size_t)snprintf(distance + n, sizeof distance - n, "*aspect_%.40s",
                                           x->name);
                 }
@@ -600,7 +643,7 @@ static void write_central(pm_logger_writer *w, int part) {
         }
         const char *name = v->column[q].name;
         const double size = energy_of(&v->column[v->column[q].mate]);
-        pm_logger_constant(w, "core", name, SMALL * d);
+        pm_logger_constant(w, "core", name, SMALL * d, "");
         if (n < sizeof distance) {
             snprintf(distance + n, sizeof distance - n, " + core_%.40s^2)/%.6g", name, d);
         }
@@ -611,7 +654,7 @@ static void write_central(pm_logger_writer *w, int part) {
                     pm_logger_number(w, kinds[k], name, 0, size), distance, k + 1);
         }
         fprintf(w->model, " + %s*ln(%s)", pm_logger_number(w, kinds[4], name, 0, size), distance);
-        pm_logger_constant(w, "attraction", name, 1); // its power
+        pm_logger_constant(w, "attraction", name, 1, ""); // its power
         fprintf(w->model, " + %s*exp(-attraction_%s*ln(%s))\"\n",
                 pm_logger_number(w, "pull", name, v->orbits[q] ? -size : 0, size), name, distance);
     }
@@ -719,7 +762,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
             // A spring that softens or hardens at some place.
             const char *bend = pm_logger_number(w, "bend", q->name, 0, energy_of(v));
             const char *place = bounded_place(w, "place", q->name, q->mean, q->least, q->largest);
-            pm_logger_constant(w, "width", q->name, q->deviation);
+            pm_logger_constant(w, "width", q->name, q->deviation, "");
             fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g", bend, q->name, place,
                     q->name, d);
         }
@@ -766,7 +809,7 @@ void pm_logger_write_energy(pm_logger_writer *w, int part) {
                 }
                 const char *bend = pm_logger_number(w, "bend", both, 0, size);
                 const char *place = bounded_place(w, "place", both, 0, -d, d);
-                pm_logger_constant(w, "width", both, MIDDLE * d);
+                pm_logger_constant(w, "width", both, MIDDLE * d, "");
                 fprintf(w->model, " + %s*sqrt((%s - %s)^2 + width_%s^2)/%.6g\"\n", bend, distance,
                         place, both, d);
             }
@@ -936,7 +979,7 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                         fprintf(w->model, " + (%s", pm_logger_number(w, "flux", by, 0, size));
                         fprintf(w->model, " + %s*(%s/%.6g)^2)*%s",
                                 pm_logger_number(w, "bent", by, 0, size), y->name, most, y->name);
-                        pm_logger_constant(w, "saturates", by, 1);
+                        pm_logger_constant(w, "saturates", by, 1, "");
                         fprintf(w->model, "/sqrt(1 + saturates_%s*(%s/%.6g)^2)", by, y->name, most);
                     }
                 }
@@ -965,8 +1008,8 @@ static void write_factor(pm_logger_writer *w, const char *name, const char *x,
         snprintf(numbered, sizeof numbered, "%.80s_%d", name, k + 1);
         const char *n = numbered;
         const char *bend = logarithm(w, "bend", n, MOST_BEND);
-        const char *middle = pm_logger_number(w, "middle", n, first + k * apart, apart);
-        pm_logger_constant(w, "range", n, apart);
+        const char *middle = add_number(w, "middle", n, first + k * apart, apart, "");
+        pm_logger_constant(w, "range", n, apart, "");
         if (sign == NULL) {
             fprintf(w->model, " + %s", bend);
         } else {
@@ -995,18 +1038,18 @@ void pm_logger_write_conduction(pm_logger_writer *w, const char *name, const cha
                                 const char *dx, const char *dy, double start,
                                 const pm_logger_column *opening) {
     const double T0 = ROOM_TEMPERATURE;
-    pm_logger_constant(w, "conductance", name, start);
+    pm_logger_constant(w, "conductance", name, start, PM_LOGGER_OPTIONAL);
     fprintf(w->model, "[%s, %s, \"(conductance_%s", x, y, name);
     if (w->chosen[PM_LOGGER_CONDUCTION] == RADIATION) {
         fprintf(w->model, "*exp(%s*ln((%s + %s)/%.6g))",
                 logarithm(w, "warming", name, MOST_WARMING), dx, dy, 2 * T0);
-        pm_logger_constant(w, "radiation", name, SMALL * fabs(start));
+        pm_logger_constant(w, "radiation", name, SMALL * fabs(start), PM_LOGGER_OPTIONAL);
         fprintf(w->model, " + radiation_%s*(%s + %s)*(%s^2 + %s^2)/%.6g", name, dx, dy, dx, dy,
                 4 * T0 * T0 * T0);
     }
     if (w->chosen[PM_LOGGER_CONDUCTION] <= CONVECTION) {
-        pm_logger_constant(w, "convection", name, SMALL * fabs(start));
-        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2);
+        pm_logger_constant(w, "convection", name, SMALL * fabs(start), PM_LOGGER_OPTIONAL);
+        pm_logger_constant(w, "power", name, CONVECTION_POWER / 2, "");
         fprintf(w->model, " + convection_%s*exp(power_%s*ln((%s - %s)^2 + %.4g))", name, name, dx,
                 dy, STILL * STILL);
     }
@@ -1047,13 +1090,13 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
         cell = own ? y : cell;
     }
     if (cell == NULL && input->least >= 0) {
-        pm_logger_constant(w, "gain", name, gain);
+        pm_logger_constant(w, "gain", name, gain, "");
         snprintf(text, size, "gain_%s", name);
         return;
     }
     const char *sign = pm_logger_number(w, "sign", name, 0, gain);
     if (cell == NULL) {
-        pm_logger_constant(w, "square", name, SMALL * gain);
+        pm_logger_constant(w, "square", name, SMALL * gain, PM_LOGGER_OPTIONAL);
         snprintf(text, size, "%s + square_%s*b.dE.x/%.4g", sign, name, most);
         return;
     }
@@ -1076,34 +1119,34 @@ void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const cha
     const int chosen = w->chosen[PM_LOGGER_FRICTION];
     const int shown = !y->damped ? LINEAR_FRICTION : !y->curved ? DRY_FRICTION : BENT_FRICTION;
     const int law = chosen == BENT_FRICTION && other == NULL ? shown : chosen;
-    pm_logger_constant(w, "linear", name, start);
+    pm_logger_constant(w, "linear", name, start, PM_LOGGER_OPTIONAL);
     fprintf(w->model, "(linear_%s", name);
     if (law <= QUADRATIC_FRICTION) {
-        pm_logger_constant(w, "quadratic", name, SMALL * start);
+        pm_logger_constant(w, "quadratic", name, SMALL * start, PM_LOGGER_OPTIONAL);
         const bool one = strchr(x, ' ') == NULL;
         fprintf(w->model,
                 one ? " + quadratic_%s*|%s|/%.4g" : " + quadratic_%s*sqrt((%s)^2 + %.4g)/%.4g",
                 name, x, one ? d : dry * dry, d);
-        pm_logger_constant(w, "cubic", name, SMALL * start);
+        pm_logger_constant(w, "cubic", name, SMALL * start, PM_LOGGER_OPTIONAL);
         fprintf(w->model, " + cubic_%s*(%s)^2/%.4g", name, x, d * d);
     }
     if (law <= DRY_FRICTION) {
         // Steps of dt must resolve how friction changes at rest, else the fit begins unstable.
         const double fastest = SMALL * fabs(start) * d * w->v->dataset->dt / y->inertia;
-        pm_logger_constant(w, "dry", name, SMALL * start);
-        pm_logger_constant(w, "width", name, fmax(dry, fastest)); // of the step at rest
+        pm_logger_constant(w, "dry", name, SMALL * start, PM_LOGGER_OPTIONAL);
+        pm_logger_constant(w, "width", name, fmax(dry, fastest), ""); // of the step at rest
         fprintf(w->model, " + dry_%s*%.4g/sqrt((%s)^2 + width_%s^2)", name, d, x, name);
         if (pm_logger_is_velocity(y)) { // what sticks falls with the velocity (Stribeck)
-            pm_logger_constant(w, "sticking", name, SMALL * start);
-            pm_logger_constant(w, "speed", name, y->deviation / 2);
+            pm_logger_constant(w, "sticking", name, SMALL * start, PM_LOGGER_OPTIONAL);
+            pm_logger_constant(w, "speed", name, y->deviation / 2, "");
             fprintf(w->model, " + sticking_%s/(1 + (%s)^2/speed_%s^2)", name, x, name);
         }
     }
     if (law <= DRY_FRICTION &&
         (pm_unit_equal(&y->dimension, &pressure) || y->kind == PM_LOGGER_LEVEL)) {
         // An orifice: the flow is the root of the difference of pressures, or of levels.
-        pm_logger_constant(w, "root", name, SMALL * start);
-        pm_logger_constant(w, "round", name, dry);
+        pm_logger_constant(w, "root", name, SMALL * start, PM_LOGGER_OPTIONAL);
+        pm_logger_constant(w, "round", name, dry, "");
         fprintf(w->model, " + root_%s*%.4g/sqrt(sqrt((%s)^2 + round_%s^2))", name, sqrt(d), x,
                 name);
     }
@@ -1247,7 +1290,8 @@ void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const
     for (int k = 0; k < 2; ++k) {
         const char *const kind[] = {"tide", "rise"}, *const power[] = {"fall", "drop"};
         const pm_logger_column *slowed = k == 0 ? s : &c[x->mate];
-        pm_logger_constant(w, kind[k], name, slowed->inertia * w->v->fastest * SMALL * SMALL);
+        pm_logger_constant(w, kind[k], name, slowed->inertia * w->v->fastest * SMALL * SMALL,
+                           PM_LOGGER_OPTIONAL);
         const char *falls = bounded_place(w, power[k], name, 1, 0, STEEPEST);
         if (k == 0) {
             fprintf(w->model, "[{\"%s%s\": \"-%s%s/%s\", \"%s%s\": \"%s%s/%s\", \"%s%s\": -1}",
@@ -1308,14 +1352,15 @@ const char *pm_logger_flow(pm_logger_writer *w, char *text, size_t size, char en
     const double outflow =
         inflow > 0 ? inflow / part : h->inertia * fabs(h->decay) * h->mean / (ROOT * part);
     if (!has_constant(w, "outflow", h->name)) {
-        pm_logger_shared(w, "outflow", h->name, fmax(outflow, 0));
-        pm_logger_shared(w, "power", h->name, ROOT / 2);
+        pm_logger_constant(w, "outflow", h->name, fmax(outflow, 0), PM_LOGGER_SHARED);
+        pm_logger_constant(w, "power", h->name, ROOT / 2, PM_LOGGER_SHARED);
         if (shows_no_length(h)) {
             fprintf(w->list, "      zero_%s: {learned: 0}\n", h->name);
         }
         if (h->spills) {
-            pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest);
-            pm_logger_constant(w, "caught", h->name, 1);
+            pm_logger_constant(w, "spill", h->name, SMALL * h->inertia * w->v->fastest,
+                               PM_LOGGER_OPTIONAL);
+            pm_logger_constant(w, "caught", h->name, 1, "");
         }
     }
     // A sensor that shows no length may have another zero.

@@ -28,6 +28,7 @@ typedef struct pm_logger_writer {
     const pm_logger_view *v;
     const int *chosen;
     const char *found; // values of constants (pm_search_trial); or NULL
+    bool lean;         // without those of them that are spare
     char *constants;
     size_t size;
     FILE *list; // writes to `constants`
@@ -71,11 +72,12 @@ bool pm_logger_begin(pm_logger_writer *w);
 // Ends a model: writes its constants, then its body.
 void pm_logger_end(pm_logger_writer *w, const char *name);
 
-// Adds a positive learned constant "<kind>_<name>" to the model.
-void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start);
-
-// The same, which all models share that have it.
-void pm_logger_shared(pm_logger_writer *w, const char *kind, const char *name, double start);
+// Adds a positive learned constant "<kind>_<name>" to the model, unless it is there. `more` is "",
+// or one of the texts below.
+void pm_logger_constant(pm_logger_writer *w, const char *kind, const char *name, double start,
+                        const char *more);
+#define PM_LOGGER_SHARED ", shared: true"     // by all models that have it
+#define PM_LOGGER_OPTIONAL ", optional: true" // of a part of a law that may not be there at all
 
 // Adds a learned constant of either sign, whose size is about `size` in its unit. The constant in
 // the file is a number about 1, since a fit moves it by no more than 1 at once. Returns the text by

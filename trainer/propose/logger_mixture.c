@@ -32,7 +32,7 @@ static void write_total(pm_logger_writer *w, int part, const char *of, char *tex
                                   v->column[c].name);
         }
     }
-    pm_logger_shared(w, "solvent", v->part[part], mean_amount(v, part));
+    pm_logger_constant(w, "solvent", v->part[part], mean_amount(v, part), PM_LOGGER_SHARED);
     if (n < size) {
         snprintf(text + n, size - n, " + solvent_%.80s)", v->part[part]);
     }
@@ -56,7 +56,7 @@ static const char *gas_constant(pm_logger_writer *w, int part, char *text, size_
     if (amounts) {
         snprintf(text, size, "%.10g", PM_LOGGER_GAS);
     } else {
-        pm_logger_shared(w, "mixing", w->v->part[part], PM_LOGGER_GAS);
+        pm_logger_constant(w, "mixing", w->v->part[part], PM_LOGGER_GAS, PM_LOGGER_SHARED);
         snprintf(text, size, "mixing_%.80s", w->v->part[part]);
     }
     return text;
@@ -86,7 +86,7 @@ void pm_logger_write_mixture(pm_logger_writer *w, int part, bool energy) {
         }
         fprintf(w->model, "      - \"%s*%s*%s\"\n", T->name,
                 pm_logger_number(w, "entropy", n, 0, PM_LOGGER_GAS), n);
-        pm_logger_constant(w, "molar", n, SMALL * T->inertia / amount);
+        pm_logger_constant(w, "molar", n, SMALL * T->inertia / amount, "");
         fprintf(w->model, "      - \"molar_%s*%s*(%s*ln(%s/%.6g) - %s + %.6g)\"\n", n, n, T->name,
                 T->name, T->mean, T->name, T->mean);
     }
@@ -140,7 +140,7 @@ void pm_logger_write_reaction(pm_logger_writer *w, int k, const char *of, const 
         snprintf(product + end, sizeof product - end, "*(%s/%s)^%d", own, total, abs(r->number[c]));
     }
     (void)gas_constant(w, r->part, gas, sizeof gas);
-    pm_logger_constant(w, "rate", name, mean_amount(v, r->part) * v->fastest);
+    pm_logger_constant(w, "rate", name, mean_amount(v, r->part) * v->fastest, "");
     if (t < 0) {
         fprintf(w->model, "}, %ss, \"rate_%s", to, name);
     } else {
@@ -164,8 +164,8 @@ void pm_logger_write_diffusion(pm_logger_writer *w, const pm_logger_column *a,
     write_total(w, a->part, "a.", total[0], sizeof total[0]);
     write_total(w, b->part, "b.", total[1], sizeof total[1]);
     const double start = (a->mean + b->mean) * w->v->fastest / (PM_LOGGER_GAS * ROOM);
-    pm_logger_constant(w, "through", both, SMALL * start);
-    pm_logger_constant(w, "diffusion", both, SMALL * start);
+    pm_logger_constant(w, "through", both, SMALL * start, "");
+    pm_logger_constant(w, "diffusion", both, SMALL * start, "");
     fprintf(w->model, "through_%s + diffusion_%s*(|a.%s|/%s + |b.%s|/%s)", both, both, a->name,
             total[0], b->name, total[1]);
 }

@@ -96,11 +96,12 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
     return remove(path);
 }
 
-// Lists the learned constants of a system in `found` [PM_SEARCH_FOUND].
-static void list_constants(const pm_system *system, char *found) {
+// Lists the learned constants of a system in `found` [PM_SEARCH_FOUND]. spare [weights] says which
+// ones may as well be zero; NULL: none.
+static void list_constants(const pm_system *system, const bool *spare, char *found) {
     static const char prefix[] = "constant.";
     const int nsubsystem = system->scene->physics.nsubsystem;
-    size_t length = 0;
+    size_t length = 0, at = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
         const pm_params *params = pm_system_params(system, i);
         const pm_constants *constants = i < nsubsystem
@@ -122,8 +123,10 @@ static void list_constants(const pm_system *system, char *found) {
             const double value = !constant  ? NAN
                                  : positive ? exp(entry->value[0])
                                             : entry->value[0];
-            const int n = snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g\n",
-                                   pm_trained_name(system, i), name, value);
+            const int n = snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g%s\n",
+                                   pm_trained_name(system, i), name, value,
+                                   spare != NULL && spare[at] ? PM_SEARCH_SPARE : "");
+            at += (size_t)(entry->rows * entry->cols);
             if (!isfinite(value) || n < 0 || length + (size_t)n >= PM_SEARCH_FOUND) {
                 *found = '\0';
                 return;
@@ -160,7 +163,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         result.iterations = f.position.done;
         result.seconds = f.measured.seconds;
         if (!result.failed) {
-            list_constants(f.training->system, result.found);
+            list_constants(f.training->system, f.measured.spare, result.found);
         }
         // The name of the folder is another one each time.
         const size_t length = strlen(r->folder);
