@@ -104,7 +104,7 @@ typedef struct pm_fit_measured {
     // [size] pm_optional_weight of optional constants, and, after a short fit, which of them are
     // spare (inference/uncertainty.h).
     unsigned char *optional;
-    bool *spare;
+    int *spare;
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
     double huber;       // pm_shooting_terms.huber unless windows begin as whole trajectories
     double seconds;     // of CPU time on a nominal machine, that fit and score have taken

@@ -835,7 +835,7 @@ static pm_status run(pm_fit *f) {
     }
     f->measured.beside = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
     f->measured.optional = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
-    f->measured.spare = pm_arena_array(&f->arena, (size_t)f->size + 1, sizeof(bool));
+    f->measured.spare = pm_arena_array(&f->arena, (size_t)f->size + 1, sizeof *f->measured.spare);
     PM_TRY_DONE(pm_arena_status(&f->arena, "networks beside formulas"));
     set_reaches(f, &shooting.terms);
     for (int c = 0; c < shooting.nz; ++c) {

@@ -242,7 +242,7 @@ void pm_uncertainty_free(pm_uncertainty *u) {
 
 // --- what may as well be zero ---
 
-pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, bool *spare) {
+pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, int *spare) {
     pm_arena scratch = {0};
     pm_status status = PM_OK;
     const size_t n = (size_t)s->nweight, nz = (size_t)s->nz * (size_t)s->nwindow;
@@ -277,12 +277,12 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, bo
     for (int i = 0; i < s->tracks->count; i += s->stride) {
         count += (double)s->tracks->track[i].count * s->ny;
     }
-    for (;;) {
+    for (int number = 1;; ++number) {
         size_t least = n;
         double rise = log(count) / 2;
         for (size_t k = 0; k < n; ++k) {
             const double own = away[k] * away[k] / (2 * inverse[k * (n + 1)]);
-            if (optional[k] != PM_WEIGHT_NEEDED && !spare[k] && own < rise) {
+            if (optional[k] != PM_WEIGHT_NEEDED && spare[k] == 0 && own < rise) {
                 least = k;
                 rise = own;
             }
@@ -291,7 +291,7 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, bo
             break;
         }
         const double variance = inverse[least * (n + 1)], moves = away[least];
-        spare[least] = true;
+        spare[least] = number;
         for (size_t i = 0; i < n; ++i) {
             column[i] = inverse[i * n + least];
         }

@@ -40,8 +40,10 @@
 #define DRIVEN 0.05
 #define ACTS 2e-3
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
-#define MOST_LEAN 3
-#define MUCH_WORSE 1.1
+// What is left out may raise the error by this factor. It is halved until it is fewer.
+#define HARDLY_WORSE 1.1
+#define FEWEST_LEFT_OUT 8
+#define DECIMAL 10
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
@@ -210,15 +212,14 @@ typedef struct hidden_search {
     bool simpler[MOST_TRIALS];                  // it has fewer constants than the one it began with
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     bool lean[MOST_TRIALS];         // likewise
+    bool lean_failed[MOST_TRIALS];  // nothing can be left out of it
     pm_search_trial trial[MOST_TRIALS];
     // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
     // depend on the machine; and as measured, which ends the trials on slow ones
     double spent, used;
     const char *start;  // where the constants of the best guesses begin in the fit; or NULL
     bool short_of_time; // the first trial had not ended in its time
-    // Where the best trial, which is lean, left its constants, and the spare ones that it left out.
-    char lean_found[2 * PM_SEARCH_FOUND];
-    char leaner[2 * PM_SEARCH_FOUND]; // likewise, where the next one begins
+    pm_arena arena;     // owns texts of constants
 } hidden_search;
 
 // Takes what is chosen of inputs between samples and of inertias over into the view.
@@ -277,11 +278,43 @@ static int hidden_by(const hidden_search *s, int id) {
     return count;
 }
 
+// Writes lines of `from` behind what is in `to` [2 PM_SEARCH_FOUND]: those of the first `most`
+// spare constants, or, with a negative number, all lines without their marks. Returns how many are
+// spare.
+static int add_lines(char *to, const char *from, int most) {
+    size_t length = strlen(to);
+    int count = 0;
+    for (const char *line = from, *end; *line != '\0'; line = end) {
+        end = strchr(line, '\n') + 1;
+        const char *mark = strstr(line, PM_SEARCH_SPARE);
+        const bool marked = mark != NULL && mark < end;
+        const bool wanted =
+            most < 0 || (marked && strtol(mark + strlen(PM_SEARCH_SPARE), NULL, DECIMAL) <= most);
+        const size_t size = (size_t)((marked && most < 0 ? mark : end - 1) - line);
+        if (wanted && length + size + 1 < 2 * PM_SEARCH_FOUND) {
+            memcpy(to + length, line, size);
+            memcpy(to + length + size, "\n", 2);
+            length += size + 1;
+        }
+        count += marked;
+    }
+    return count;
+}
+
 // Returns where the best trial left the constants, or, where it learned networks, too, where they
-// began in it.
-static const char *found_by_best(const hidden_search *s) {
-    const char *found = s->lean[s->best] ? s->lean_found : s->trial[s->best].found;
-    return *found != '\0' ? found : s->found[s->best];
+// began in it. What a lean trial left out stays spare.
+static const char *found_by_best(hidden_search *s) {
+    const char *own = s->trial[s->best].found, *first = s->found[s->best];
+    char *found = NULL;
+    if (*own != '\0' && s->lean[s->best]) {
+        found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);
+    }
+    if (found == NULL) {
+        return *own != '\0' ? own : first;
+    }
+    add_lines(found, first, INT_MAX);
+    add_lines(found, own, -1);
+    return found;
 }
 
 // Returns true if no prediction could be much better, since the rest is noise. Trials of
@@ -367,6 +400,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
         }
     }
     s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
+    s->lean[s->count] = !pm_logger_hides(guess) && s->lean[s->best];
     s->found[s->count++] = pm_logger_hides(guess) ? NULL : found_by_best(s);
 }
 
@@ -405,6 +439,7 @@ static pm_status add_laws(hidden_search *s, int most) {
             memcpy(s->chosen[s->count], chosen, sizeof s->chosen[0]);
             s->chosen[s->count][which] = richer[k][1];
             s->found[s->count] = found_by_best(s);
+            s->lean[s->count] = s->lean[s->best];
             s->count += !is_twin(s, s->count);
         }
     }
@@ -412,11 +447,13 @@ static pm_status add_laws(hidden_search *s, int most) {
     return PM_OK;
 }
 
+static bool is_late(const hidden_search *s) {
+    return s->spent >= s->hints->budget || s->used >= PM_SEARCH_SLOW * s->hints->budget;
+}
+
 // Returns true if nothing else is tried.
 static bool is_over(const hidden_search *s) {
-    const double budget = s->hints->budget;
-    return (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) || s->spent >= budget ||
-           s->used >= PM_SEARCH_SLOW * budget;
+    return (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) || is_late(s);
 }
 
 // Tries the first `most` of other laws as long as one of them is better.
@@ -500,19 +537,22 @@ static pm_status find_columns(hidden_search *s, column_group group) {
 // have led them astray. Nothing is richer than before, so that what is likelier is taken, however
 // little the errors differ beside the noise.
 static pm_status try_again(hidden_search *s, bool turn) {
-    const double budget = s->hints->budget;
     const char *name;
     const char *const *alternative;
     const int from = s->count, before = s->best;
-    const bool may =
-        turn ? pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) > 1
-             : s->found[before] != NULL;
-    if (!may || from == MOST_TRIALS || s->spent >= budget || s->used >= PM_SEARCH_SLOW * budget) {
+    bool may = !turn || pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) > 1;
+    for (int i = 0; i < from && !turn; ++i) {
+        const bool same = memcmp(s->guess[i], s->guess[before], sizeof s->guess[0]) == 0 &&
+                          memcmp(s->chosen[i], s->chosen[before], sizeof s->chosen[0]) == 0;
+        may = may && !(same && s->found[i] == NULL);
+    }
+    if (!may || from == MOST_TRIALS || is_late(s)) {
         return PM_OK;
     }
     memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
     memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
     s->chosen[from][PM_LOGGER_HOLD] ^= turn;
+    s->lean[from] = turn && s->lean[before];
     s->found[s->count++] = turn ? found_by_best(s) : NULL;
     PM_TRY(try_guesses(s, from));
     const bool likelier =
@@ -524,61 +564,38 @@ static pm_status try_again(hidden_search *s, bool turn) {
     return PM_OK;
 }
 
-// Writes lines of `from` behind what is in `to` [2 PM_SEARCH_FOUND]: those of spare constants, or
-// all others and these without their mark. Returns how many are spare.
-static int add_lines(char *to, const char *from, bool spare) {
-    size_t length = strlen(to);
-    int count = 0;
-    for (const char *line = from, *end; *line != '\0'; line = end) {
-        end = strchr(line, '\n') + 1;
-        const char *mark = strstr(line, PM_SEARCH_SPARE "\n");
-        const bool marked = mark != NULL && mark < end;
-        const size_t size = (size_t)((marked && !spare ? mark : end - 1) - line);
-        if ((marked || !spare) && length + size + 1 < 2 * PM_SEARCH_FOUND) {
-            memcpy(to + length, line, size);
-            memcpy(to + length + size, "\n", 2);
-            length += size + 1;
-        }
-        count += marked;
-    }
-    return count;
-}
-
 // Tries the best guesses without the constants that the data do not need, again and again: a law
 // with fewer constants takes less time, and is easier to read. It may be less likely by as much as
-// so many constants are worth.
+// so many constants are worth. If it is worse, half as many are left out.
 static pm_status leave_out(hidden_search *s) {
-    const int n = s->most < s->dataset->ntrajectory ? s->most : s->dataset->ntrajectory;
-    const double worth =
-        log((double)n * s->dataset->ntime * fmax(s->first.nvariable, 1)) / 2; // of a constant
-    for (int pass = 0; pass < MOST_LEAN && s->most > 0 && s->count < MOST_TRIALS; ++pass) {
+    const double samples = (double)s->most * s->dataset->ntime * fmax(s->first.nvariable, 1);
+    int most = INT_MAX;
+    while (s->most > 0 && s->count < MOST_TRIALS && !s->lean_failed[s->best] &&
+           error_of(s, s->best) < SMALL_ERROR) {
         const int from = s->count, before = s->best;
-        *s->leaner = '\0';
-        const int count = add_lines(s->leaner, s->trial[before].found, true);
+        const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
+        char *found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);
+        PM_TRY(pm_arena_status(&s->arena, "constants"));
+        const int all = add_lines(found, full->found, most), count = all < most ? all : most;
         if (s->lean[before]) {
-            add_lines(s->leaner, s->lean_found, true);
+            add_lines(found, s->found[before], INT_MAX);
         }
-        add_lines(s->leaner, s->trial[before].found, false);
-        if (count == 0 || s->trial[before].failed) {
+        add_lines(found, full->found, -1);
+        if (count == 0) {
             return PM_OK;
         }
         memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
         memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
-        s->simpler[from] = s->lean[from] = true;
-        s->found[from] = s->leaner;
+        s->lean[from] = true;
+        s->found[from] = found;
         ++s->count;
         PM_TRY(try_guesses(s, from));
-        const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
         const bool kept = !lean->failed &&
-                          lean->score.misfit < full->score.misfit + count * worth &&
-                          lean->score.rollout < full->score.rollout * MUCH_WORSE;
+                          lean->score.misfit < full->score.misfit + count * log(samples) / 2 &&
+                          lean->score.rollout < full->score.rollout * HARDLY_WORSE;
         s->best = kept ? from : before;
-        if (!kept) {
-            return PM_OK;
-        }
-        *s->lean_found = '\0';
-        add_lines(s->lean_found, s->leaner, true);
-        add_lines(s->lean_found, lean->found, false);
+        s->lean_failed[before] = !kept && (count < FEWEST_LEFT_OUT || is_late(s));
+        most = kept ? INT_MAX : count / 2;
     }
     return PM_OK;
 }
@@ -609,13 +626,16 @@ static pm_status find_hidden(hidden_search *s) {
     // first and, where much is missing, that couplings depend on flows: hidden variables would make
     // up for both.
     PM_TRY(try_again(s, true));
+    PM_TRY(leave_out(s));
     const int first = s->best;
     if (!s->short_of_time) {
         PM_TRY(find_laws(s, 1));
+        PM_TRY(leave_out(s));
         PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, SEEN));
+    PM_TRY(leave_out(s));
     const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
         if (small == (pass == 0)) {
@@ -625,11 +645,13 @@ static pm_status find_hidden(hidden_search *s) {
             PM_TRY(find_columns(s, MOVING));
             PM_TRY(find_columns(s, THERMAL));
         }
+        PM_TRY(leave_out(s));
     }
     PM_TRY(find_inputs(s, MOST_TRIALS));
     // A better model may tell otherwise.
     PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
-    return try_again(s, false);
+    PM_TRY(try_again(s, false));
+    return leave_out(s);
 }
 
 // Returns the name of the column of this identifier.
@@ -854,7 +876,6 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     }
     if (hints->budget > 0) {
         PM_TRY_DONE(find_hidden(search));
-        PM_TRY_DONE(leave_out(search));
         PM_TRY_DONE(confirm(search));
         print_trials(search, comment);
     }
@@ -887,6 +908,9 @@ done:
         fclose(comment);
     }
     free(text);
+    if (search != NULL) {
+        pm_arena_free(&search->arena);
+    }
     free(search);
     pm_dataset_free(dataset);
     return status;

@@ -104,7 +104,7 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
             zero[nzero] = constant[i].name;
             nzero += constant[i].zero;
         }
-        const char *brief = nzero > 0 ? pm_logger_shorten(&arena, w->body, nzero, zero) : w->body;
+        const char *brief = w->lean ? pm_logger_shorten(&arena, w->body, nzero, zero) : w->body;
         const char *body = brief == NULL ? w->body : brief;
         fprintf(w->f, "  %s:\n", name);
         // Constants begin where a fit has left them if one was tried. What it has moved very far

@@ -96,9 +96,9 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
     return remove(path);
 }
 
-// Lists the learned constants of a system in `found` [PM_SEARCH_FOUND]. spare [weights] says which
-// ones may as well be zero; NULL: none.
-static void list_constants(const pm_system *system, const bool *spare, char *found) {
+// Lists the learned constants of a system in `found` [PM_SEARCH_FOUND]. spare [weights] numbers
+// those that may as well be zero (pm_uncertainty_spare); NULL: none.
+static void list_constants(const pm_system *system, const int *spare, char *found) {
     static const char prefix[] = "constant.";
     const int nsubsystem = system->scene->physics.nsubsystem;
     size_t length = 0, at = 0;
@@ -123,9 +123,12 @@ static void list_constants(const pm_system *system, const bool *spare, char *fou
             const double value = !constant  ? NAN
                                  : positive ? exp(entry->value[0])
                                             : entry->value[0];
+            char mark[NAME_OF_FILE + sizeof PM_SEARCH_SPARE] = "";
+            if (spare != NULL && spare[at] != 0) {
+                snprintf(mark, sizeof mark, "%s%d", PM_SEARCH_SPARE, spare[at]);
+            }
             const int n = snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g%s\n",
-                                   pm_trained_name(system, i), name, value,
-                                   spare != NULL && spare[at] ? PM_SEARCH_SPARE : "");
+                                   pm_trained_name(system, i), name, value, mark);
             at += (size_t)(entry->rows * entry->cols);
             if (!isfinite(value) || n < 0 || length + (size_t)n >= PM_SEARCH_FOUND) {
                 *found = '\0';

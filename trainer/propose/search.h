@@ -83,7 +83,8 @@ static inline int pm_hypotheses_add(pm_hypotheses *space, const char *name, int 
 }
 
 #define PM_SEARCH_FOUND 32768
-#define PM_SEARCH_SPARE " spare" // behind the value of a constant that may as well be zero
+// Behind the value of a constant that may as well be zero, before its number: the least first.
+#define PM_SEARCH_SPARE " spare "
 
 // The result of a trial.
 typedef struct pm_search_trial {
