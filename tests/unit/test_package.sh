@@ -18,6 +18,8 @@ for package in "$folder"/made/*.deb; do
         [ -n "$(dpkg-deb -f "$package" $field)" ] || fail "$package has no field $field"
     done
     name=$(dpkg-deb -f "$package" Package)
+    dpkg-deb -f "$package" Description | grep -q '^[^:]*: ' && dpkg-deb -f "$package" Description | sed -n 2p | grep -q '^ [^ ]' ||
+        fail "the description of $name: $(dpkg-deb -f "$package" Description)"
     dpkg-deb -c "$package" >"$folder/$name.list"
     grep -q "usr/share/doc/$name/copyright$" "$folder/$name.list" || fail "$name has no copyright"
     grep -q "usr/share/doc/$name/changelog.gz$" "$folder/$name.list" || fail "$name has no changelog"
@@ -28,6 +30,7 @@ dpkg-deb -f "$portmet" Depends | grep -q libhdf5 || fail "portmet does not depen
 for package in "$portmet" "$library" "$dev" "$python"; do
     dpkg-deb -f "$package" Depends | grep -qi -E 'mpi|gmsh' && fail "$package needs $(dpkg-deb -f "$package" Depends)"
 done
+dpkg-deb -I "$python" prerm | grep -q 'py3clean -p python3-portmet' || fail "compiled files of Python stay behind"
 dpkg-deb -f "$python" Depends | grep -q 'libportmet0 (= ' || fail "python3-portmet does not depend on its library"
 for file in dist-packages/portmet/scene.py dist-packages/portmet/py.typed dist-packages/portmet-[0-9.]*.dist-info/METADATA; do
     grep -q "usr/lib/python3/$file$" "$folder/python3-portmet.list" || fail "python3-portmet lacks $file"
@@ -75,9 +78,9 @@ fi
 
 # Debian's checker finds nothing but the contact, which is that of whoever builds.
 if command -v lintian >/dev/null; then
-    # cpack calls ldconfig itself, and only builds for /usr know the folder of this kind of machine.
+    # Only builds for /usr know the folder of this kind of machine.
     errors=$(lintian --allow-root "$folder"/made/*.deb 2>/dev/null | grep '^[EW]:' |
-        grep -vE 'root-in-contact|bogus-mail-host|maintscript-calls-ldconfig|pkg-config-unavailable')
+        grep -vE 'root-in-contact|bogus-mail-host|pkg-config-unavailable|portmet-mpi: maintscript-calls-ldconfig')
     [ -z "$errors" ] || fail "lintian: $errors"
 fi
 
