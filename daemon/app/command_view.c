@@ -892,21 +892,10 @@ static void number_sample(const view *v, const pm_sample *sample, double *number
             edge[(2 + end) * g->nedge + k] += flux->entropy;
         }
     }
-}
-
-// Takes note of every sample that the listener completes.
-static void note_sample(void *context, const pm_sample *sample) {
-    view *v = context;
-    const int n = v->history.shown;
-    const int64_t session = pm_listener_session(v->listener);
-    if (session != v->heard) {
-        v->heard = session;
-        v->seen = 0;
-        forget_bounds(v->sample, n);
+    const int nflow = sample->step == 0 ? g->npart + PER_EDGE * g->nedge : 0;
+    for (int i = 0; i < nflow; ++i) { // productions and fluxes are those of a step
+        number[2 * g->npart + i] = NAN;
     }
-    v->seen += 1;
-    number_sample(v, sample, v->frame + TOTALS);
-    widen(v->sample, v->frame + TOTALS, v->frame + TOTALS, n);
 }
 
 // Makes a frame of the newest sample, if it is a new one.
@@ -936,11 +925,37 @@ static pm_status take_frame(view *v) {
     frame[ENTROPY_RESIDUAL] = ledger == NULL ? (double)NAN : ledger->entropy_residual;
     frame[VIOLATIONS] = ledger == NULL ? (double)NAN : (double)ledger->violations;
     frame[SEEN] = v->seen;
+    if (ledger == NULL && sample->step == 0) { // nothing came from outside yet
+        frame[ENERGY] = frame[ENTROPY] = 0;
+        for (int i = 0; i < v->scene->physics.nsubsystem; ++i) {
+            frame[ENERGY] += sample->energy[i];
+            frame[ENTROPY] += sample->entropy[i];
+        }
+    }
     number_sample(v, sample, frame + TOTALS);
     memcpy(frame + TOTALS + n, v->sample, 2 * (size_t)n * sizeof *frame);
     forget_bounds(v->sample, n);
     keep_frame(&v->history, frame);
     return v->datagrams < 0 ? PM_OK : send_values(v);
+}
+
+// Takes note of every sample that the listener completes.
+static void note_sample(void *context, const pm_sample *sample) {
+    view *v = context;
+    const int n = v->history.shown;
+    const int64_t session = pm_listener_session(v->listener);
+    const bool first = session != v->heard;
+    if (first) {
+        v->heard = session;
+        v->seen = 0;
+        forget_bounds(v->sample, n);
+    }
+    v->seen += 1;
+    number_sample(v, sample, v->frame + TOTALS);
+    widen(v->sample, v->frame + TOTALS, v->frame + TOTALS, n);
+    if (first) { // changes count from here; what fails, for want of memory, fails again later
+        (void)take_frame(v);
+    }
 }
 
 // --- opening ---

@@ -12,6 +12,7 @@ const byId = id => document.getElementById(id);
 
 let scene = null, frames = [], health = null, paused = false, shown = -1, dirty = true;
 let socket = null, connected = false, lastFrame = 0, lastHealth = 0, place = [], selected = -1;
+let pressed = false; // a pointer is down on the graph, whose nodes stay until it has clicked
 let zoom = null, cursor = null; // the times shown, [first, last], null: all; and the time pointed at
 
 // --- numbers ---
@@ -242,7 +243,7 @@ function drawArrow(svg, from, to, radius, widest, share, offset) {
 function drawGraph(frame) {
   const svg = byId("graph"), many = scene && scene.nodes.length > 24, focused = nodeInFocus();
   const upright = scene && scene.nodes.length > 1 && svg.clientWidth < 600;
-  svg.style.height = upright ? Math.max(230, Math.min((many ? 14 : 62) * scene.nodes.length, 1000)) + "px" : "";
+  svg.style.height = upright ? Math.max(230, Math.min((many ? 22 : 62) * scene.nodes.length, 1400)) + "px" : "";
   const width = svg.clientWidth, height = svg.clientHeight;
   svg.replaceChildren();
   if (!scene || !width) return;
@@ -261,7 +262,10 @@ function drawGraph(frame) {
     if (upright) {
       element("text", {x: x + widest / 2 + 12, y: y + 4 + 15 * offset[k], class: "value beside"}, svg, value);
     } else {
-      const below = y + widest / 2 + 14 + Math.max(0, offset[k]) * (widest + 6) + (offset[k] < 0 ? -widest - 22 : 0);
+      // Between nodes that are close, the value has room below both.
+      const flat = Math.abs(nodes[e.a][0] - nodes[e.b][0]) > 2 * Math.abs(nodes[e.a][1] - nodes[e.b][1]);
+      const clear = shortest < 110 && flat ? Math.max(nodes[e.a][1], nodes[e.b][1]) + radius + 12 : 0;
+      const below = Math.max(clear, y + widest / 2 + 14) + Math.max(0, offset[k]) * (widest + 6) + (offset[k] < 0 ? -widest - 22 : 0);
       element("text", {x: x, y: below, class: "value"}, svg, value);
     }
   });
@@ -487,7 +491,7 @@ function drawPanel(panel) {
     (i + 1 < frames.length && frames[i + 1].time >= t0 && f.time < t0) || (i > 0 && frames[i - 1].time <= t1 && f.time > t1));
   const scale = {low: Infinity, high: -Infinity};
   for (const curve of curves.list) {
-    const first = curves.change ? curve.value(frames[0]) : 0;
+    const known = curves.change && frames.find(f => curve.value(f) !== null), first = curve.first = known ? curve.value(known) : 0;
     curve.rows = shownFrames.map(f => [curve.value, curve.low, curve.high].map(get => get(f) === null ? null : get(f) - first));
     for (const [, low, high] of curve.rows) {
       if (low !== null && low < scale.low) scale.low = low;
@@ -556,8 +560,9 @@ function drawMarks(c, panel, curves, a) {
   const f = frameAt(cursor), list = curves.list.some(q => q.chosen) ? curves.list.filter(q => q.chosen) : curves.list;
   line(f.time, [3, 3]);
   a.values.textContent = text(f.time, "s") + ", step " + f.step + ": " +
-    list.slice(0, 8).map(q => q.name + " " + text(q.value(f), curves.unit)).join(", ") +
-    (list.length > 8 ? ", and " + (list.length - 8) + " more" : "");
+    list.slice(0, 8).map(q => q.name + " " + text(q.value(f), curves.unit) +
+      (curves.change && q.value(f) !== null ? ", change " + text(q.value(f) - q.first, curves.unit) : "")).join("; ") +
+    (list.length > 8 ? "; and " + (list.length - 8) + " more" : "");
 }
 
 function drawAxes(c, a) {
@@ -726,7 +731,7 @@ function draw() {
   shown = Math.min(Math.max(shown, frames.length ? 0 : -1), frames.length - 1);
   const frame = frames[shown];
   drawFacts(frame);
-  drawGraph(frame);
+  if (!pressed) drawGraph(frame);
   for (const panel of panels) drawPanel(panel);
   drawHealth();
   drawHeard();
@@ -734,6 +739,8 @@ function draw() {
 
 byId("pause").onclick = () => { paused = !paused; dirty = true; };
 byId("control").onclick = event => { if (connected && event.target.value) socket.send(event.target.value); };
+byId("graph").onpointerdown = () => { pressed = true; };
+window.onpointerup = window.onpointercancel = () => { pressed = false; };
 byId("at").oninput = event => { paused = true; shown = Number(event.target.value); dirty = true; };
 document.onkeydown = event => {
   if (event.key === " " && !["BUTTON", "SELECT"].includes(event.target.tagName)) { paused = !paused; dirty = true; event.preventDefault(); }

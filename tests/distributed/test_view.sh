@@ -111,6 +111,8 @@ ends odd $pid 0 ""
 ends odd_left "$odd_left" 0 ""
 ends odd_right "$odd_right" 0 ""
 wait_until shows_session || fail "the session of the next run: $(head -c 100 "$folder/client.out")"
+client listen frame
+expect "m['step'] == 0 and abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
 
 # --- who may ask ---
 answers 200 get /
