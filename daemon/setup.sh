@@ -5,8 +5,9 @@ build_packages="cmake make gcc libc6-dev pkg-config liblcm-dev liblcm-bin libgli
     libsodium-dev libopenblas-dev libyaml-dev libcmocka-dev libsundials-dev libsuitesparse-dev liblbfgs-dev
     libwebsockets-dev gnuplot-nox iproute2 nftables hdf5-tools python3 python3-h5py python3-scipy"
 
-# What the tests use besides: runs over MPI, meshes by Gmsh, a second compiler and its sanitizers, the layout.
-test_packages="libopenmpi-dev openmpi-bin libgmsh-dev clang libclang-rt-dev clang-format
+# What the tests use besides: runs over MPI, meshes by Gmsh, cuts of scenes by METIS, a second compiler and its
+# sanitizers, the layout.
+test_packages="libopenmpi-dev openmpi-bin libgmsh-dev libmetis-dev clang libclang-rt-dev clang-format
     clang-tidy"
 
 # The folder for logs of what is installed.
