@@ -907,8 +907,7 @@ static pm_status await(pm_lockstep_coordinator *c) {
     list_missing(c, patience, names, sizeof names);
     if (names[0] != 0) {
         // A node on another host is not missing for a reason of its own if nothing leaves this one.
-        const char *url = c->scene->network.url;
-        const bool stays_here = url == NULL || strstr(url, "ttl=0") != NULL;
+        const bool stays_here = pm_transport_stays_here(c->endpoint.transport);
         return c->phase == PM_COORDINATOR_GATHERING
                    ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s%s", waited, names,
                              stays_here ? " (with ttl=0 in the URL no message leaves this host)"

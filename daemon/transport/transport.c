@@ -13,6 +13,7 @@ struct pm_transport {
     const pm_transport_table *table;
     void *state;
     pm_drops drops;
+    bool stays_here;
 };
 
 static const struct {
@@ -83,8 +84,14 @@ pm_status pm_transport_open(pm_transport **transport, const char *url) {
         free(made);
         return status;
     }
+    const char *ttl = strstr(url, "ttl=");
+    made->stays_here = !pm_transport_has_ranks(url) && (ttl == NULL || ttl[4] == '0');
     *transport = made;
     return PM_OK;
+}
+
+bool pm_transport_stays_here(const pm_transport *transport) {
+    return transport->stays_here;
 }
 
 void pm_transport_close(pm_transport *transport) {

@@ -85,6 +85,8 @@ start lonely_left node "$hasty" left --session 104
 lonely_left=$pid
 start lonely coordinator "$hasty" --quiet --session 104
 lonely_coordinator=$pid
+start far node "$hasty" left --session 105 --url 'udpm://239.255.76.67:7667?ttl=1'
+far=$pid
 
 # SIGINT, SIGTERM and SIGHUP to the run, held and on its way. No process has threads, so that nothing is shared that
 # could race (OpenBLAS would keep workers that it is told not to use).
@@ -171,6 +173,9 @@ ends orphan_left $orphan_left 8 "no word from the coordinator"
 ends orphan_right $orphan_right 8 "no word from the coordinator"
 ends lonely $lonely_coordinator 8 "nodes missing after [0-9.]* s: right"
 ends lonely_left $lonely_left 8 "nodes missing after [0-9.]* s: right"
+# The hint at ttl=0 is for those whose messages stay on this host.
+says lonely "(with ttl=0 in the URL" || fail "lonely: no hint"
+ends far $far 8 "no coordinator of scene .* answered within [0-9.]* s$"
 # The coordinator says who is missing, and goes on with it.
 awaits sleeper "^portmetd: the run pauses after step 20: no word from right"
 kill -CONT $sleeper_right
