@@ -2,6 +2,7 @@
 #include "base/progress.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -16,7 +17,7 @@ double pm_clock(void) {
 }
 
 void pm_progress_init(pm_progress *progress, const char *label, long total) {
-    progress->enabled = isatty(STDERR_FILENO) != 0;
+    progress->enabled = isatty(STDERR_FILENO) != 0 || getenv("PORTMET_PROGRESS") != NULL;
     progress->started = pm_clock();
     progress->drawn = 0;
     progress->label = label;

@@ -1,4 +1,5 @@
-// A progress bar on standard error. It is drawn only where standard error is a terminal.
+// A progress bar on standard error. It is drawn only where standard error is a terminal, or where
+// PORTMET_PROGRESS is set, by a program that reads it.
 #ifndef PM_BASE_PROGRESS_H
 #define PM_BASE_PROGRESS_H
 

@@ -515,7 +515,9 @@ class Package(unittest.TestCase):
             lines = io.StringIO()
             with contextlib.redirect_stdout(lines):
                 fit = portmet.fit(training, os.path.join(folder, "weights"), data=os.path.join(folder, "data.h5"), progress=True)
-            self.assertEqual(lines.getvalue(), fit.report)
+            # Bars are overwritten by what follows a carriage return.
+            self.assertIn("gauss_newton [", lines.getvalue())
+            self.assertEqual(re.sub(r"[^\n]*\r", "", lines.getvalue()), fit.report)
             self.assertAlmostEqual(fit.constants["s"]["k"], 3.0, delta=1e-3)
             self.assertEqual(fit.verdict, "good")
             with self.assertRaises(portmet.Error):

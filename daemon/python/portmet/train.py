@@ -28,27 +28,44 @@ VIOLATED = 10  # exit code: the evaluation ended, and a law was violated
 
 def _run(*arguments: Path, progress: bool = False, codes: tuple[int, ...] = (0,)) -> tuple[int, str]:
     """Runs portmet-train and returns its exit code and output. Raises Error if it was refused, or was
-    stopped. `progress` shows each line as it comes, in a terminal or a notebook."""
+    stopped. `progress` shows each line as it comes, and bars between them, in a terminal or a notebook."""
     command = [place("PORTMET_TRAIN", _places.TRAINER, "portmet-train"), *map(os.fspath, arguments)]
-    lines, refused = [], []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    lines: list[str] = []
+    refused: list[str] = []
+    width = 0  # of the bar that is shown
+
+    def show(text: str, bar: bool = False) -> None:
+        nonlocal width
+        if progress:
+            sys.stdout.write("\r" + " " * width + "\r" + text if width else text)
+            sys.stdout.flush()
+            width = len(text) if bar else 0
+
+    def read_errors(errors: typing.Iterable[str]) -> None:
+        for line in errors:  # a bar begins with a carriage return, which ends a line here, too
+            if line.endswith("\033[K\n"):
+                show(line[:-4], bar=True)
+            else:
+                refused.append(line)
+
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                          env={**os.environ, "PORTMET_PROGRESS": "1"} if progress else None) as process:
         assert process.stdout is not None and process.stderr is not None
-        reader = threading.Thread(target=lambda errors: refused.append(errors.read()), args=(process.stderr,))
+        reader = threading.Thread(target=read_errors, args=(process.stderr,))
         reader.start()
         try:
             for line in process.stdout:
                 lines.append(line)
-                if progress:
-                    sys.stdout.write(line)
-                    sys.stdout.flush()
+                show(line)
         except KeyboardInterrupt:
             process.terminate()  # it keeps what it has
             raise
         finally:
             process.wait()
             reader.join()
+    show("")
     if process.returncode not in codes:
-        raise Error(process.returncode, refused[0].strip())
+        raise Error(process.returncode, "".join(refused).strip())
     return process.returncode, "".join(lines)
 
 
