@@ -38,6 +38,12 @@ for program in portmetd portmet-train; do
     done
 done
 
+for page in "$prefix"/share/man/man1/*.1; do
+    for section in ENVIRONMENT FILES BUGS EXAMPLES "SEE ALSO"; do
+        grep -qx ".SH $section" "$page" || fail "${page##*/} lacks $section"
+    done
+done
+
 # The units name the program where the build was configured to install it.
 if command -v systemd-analyze >/dev/null; then
     for unit in portmet-node portmetd; do
