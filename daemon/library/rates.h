@@ -1,7 +1,8 @@
-// The rates of a whole scene as one program, which computes many copies of the scene at once:
-// copies are the lanes of its arrays [numbers][lanes]. The rates have the bits of the engine's.
-// Other programs multiply the Jacobian of the rates from the left or from the right, or compute
-// energies and entropies. Only explicit methods without an estimate of their error step a scene so.
+// Compiles the rates of a whole scene into one program (graph/program.h), which evaluates many
+// copies of the scene at once. Each copy is a lane of the arrays [numbers][lanes]. The results have
+// the bits of the engine's. Three further programs multiply the Jacobian of the rates from the
+// left, multiply it from the right, and compute energies and entropies. They serve explicit methods
+// that neither estimate their error nor balance the energy.
 #ifndef PM_LIBRARY_RATES_H
 #define PM_LIBRARY_RATES_H
 

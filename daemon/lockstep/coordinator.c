@@ -701,8 +701,8 @@ static pm_status complete_steps(pm_lockstep_coordinator *c) {
     enter(c, c->completed < c->first ? PM_COORDINATOR_GATHERING
              : held                  ? PM_COORDINATOR_HELD
                                      : PM_COORDINATOR_STEPPING);
-    // Tell the observer once in each wait of LIVE_WAIT on which channel the run waits for a
-    // message.
+    // Once a wait for a live input has lasted LIVE_WAIT, tell the observer, one time, which channel
+    // is silent.
     const char *awaited = c->phase == PM_COORDINATOR_HELD ? pm_live_inputs_awaited(&c->live) : NULL;
     if (awaited == NULL) {
         c->live_until = c->endpoint.now + LIVE_WAIT;

@@ -51,10 +51,10 @@ pm_status pm_live_inputs_open(pm_live_inputs *live, const pm_scene *scene, pm_ar
                               pm_transport *transport, const double *replay, int64_t replayed,
                               pm_drops *drops);
 
-// Sets the newest values [scene->nlive], as if every channel had sent a message for the next step
-// and, unless others arrive, for each one after it. With `kept` they are those of a run that was
-// interrupted, and inputs that wait go on to do so. With NULL another run begins: the next step is
-// the first one, and the values are the scene's first ones.
+// Sets the newest values [scene->nlive]. They count as a message on every channel for the next
+// step, and hold in later steps until other values arrive. With `kept` the values come from a run
+// that was interrupted, and inputs with `wait: true` still wait for their messages. With values ==
+// NULL another run begins at step 0 with the scene's first values.
 void pm_live_inputs_set(pm_live_inputs *live, const double *values, bool kept);
 
 // Looks at the clock: `now` is the present time (s, monotonic). PM_ETIMEOUT: a program that has

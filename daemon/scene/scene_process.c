@@ -27,8 +27,8 @@ typedef struct graph {
     idx_t *cost;      // [nsubsystem] of a stage
 } graph;
 
-// Returns the process that costs most of those with several subsystems. `load` [2 count] is
-// scratch. A process without subsystems is found as *empty; -1: there is none.
+// Returns the costliest process among those with several subsystems, or -1 if there is none. *empty
+// receives a process without subsystems, or -1. `load` [2 count] is scratch.
 static int find_costliest(const pm_physics *physics, const graph *g, int count, const int *mark,
                           long *load, int *empty) {
     long *members = load + count;

@@ -183,8 +183,8 @@ static void swap_fluxes(pm_data *d) {
     }
 }
 
-// Keeps what the step that begins will overwrite. The step books its fluxes into other arrays,
-// whose numbers its first round sets.
+// Saves what the coming step will overwrite, so that the step can be undone. Its fluxes are summed
+// in a second set of arrays, which the first round of the step initialises.
 static void begin_step(const pm_model *m, pm_data *d) {
     d->safe_z = d->z;
     d->before.begun = true;

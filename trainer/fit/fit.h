@@ -98,8 +98,8 @@ typedef struct pm_fit_measured {
     int nstart;
     // [nz] by how much hidden components move, in deviations of their starts; 0: as the scene says.
     double *moved;
-    // [size] 1: weights that a network beside a formula is linear in, 2: its other weights; 0: all
-    // other weights.
+    // [size] the role of each weight: 1 in the linear output of a network that stands beside a
+    // formula, 2 elsewhere in such a network, 0 outside of them.
     unsigned char *beside;
     // [size] pm_optional_weight of optional constants, and, after a short fit, which of them are
     // spare (inference/uncertainty.h).

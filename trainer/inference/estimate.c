@@ -490,8 +490,9 @@ static double later_sample(const pm_estimate *e, const pm_observation *o, const 
                                         : NAN;
 }
 
-// Writes the squares of the misses of one trajectory after the first seconds to miss [ntime], and
-// returns their number. *variance becomes that of all its measurements.
+// Writes the squared errors of one column of one trajectory after the first `seconds` to miss
+// [ntime], and returns their number. *variance receives the variance of all measurements of the
+// column.
 static int misses_of(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                      const int *which, double seconds, int id, int column, double *miss,
                      double *variance) {
@@ -516,9 +517,9 @@ static int misses_of(const pm_estimate *e, const pm_observation *o, const pm_dat
     return later;
 }
 
-// Returns the root of what is left of the mean square miss of one trajectory without that of noise,
-// over its standard deviation. With `part` it leaves out outliers: a miss is no larger than the
-// larger one of those beside it, and this part of the largest ones does not count.
+// Returns the root mean square error of one trajectory beyond the noise, divided by its standard
+// deviation. With `part` > 0 it leaves out outliers: each error is limited to the larger of its two
+// neighbours, and the fraction `part` of the largest errors does not count.
 static double left_of(const pm_estimate *e, const pm_observation *o, const pm_dataset *dataset,
                       const int *which, double seconds, int id, int column, double part,
                       double noise, double *miss) {

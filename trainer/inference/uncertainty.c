@@ -88,8 +88,7 @@ static double disagreement(pm_shooting *s, const double *inverse, double *gradie
         known = s->failed == PM_OK;
     }
     for (ptrdiff_t w = 0; w < s->nwindow && known; ++w) {
-        // Takes the influence of its start out of the gradient of the track that is window w,
-        // unless the start is free.
+        // Window w is a whole track. Eliminate its unknown start from its gradient.
         const ptrdiff_t nz = s->nz, nb = s->nborder;
         double *own = s->blocks.own + w * nz * nz, *border = s->blocks.border + w * nz * nb;
         known = pm_cholesky_factor(s->nz, own);

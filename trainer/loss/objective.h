@@ -55,9 +55,10 @@ pm_loss_context pm_objective_context(const pm_objective *o);
 double pm_objective_sample_weight(const pm_objective *o, int sample);
 // Returns x rho'(x) of a sample, as last evaluated: its share in the loss as the matrix sees it.
 double pm_objective_sample_share(const pm_objective *o, int sample);
-// Sets the importance [pm_objective_samples] of the samples: a sample that a random batch contains
-// with a probability of its own counts by the inverse of this probability. NULL, the initial value:
-// 1 for all samples. The array is borrowed. Losses do not depend on it.
+// Sets the factors [pm_objective_samples] by which pm_objective_sample_weight multiplies the
+// weights of the samples. If a batch contains samples with unequal probabilities, each factor is in
+// proportion to the inverse of the probability. NULL, the initial value, stands for 1. The array is
+// borrowed. The loss itself does not depend on it.
 void pm_objective_set_importance(pm_objective *o, const double *importance);
 
 // Computes the median and the mean, over all samples, of the mean squared scaled residual, as last

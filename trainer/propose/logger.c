@@ -12,30 +12,31 @@
 #include "propose/logger_laws.h"
 #include "propose/search.h"
 
-// Trials: of so many samples at most, in so many trajectories at least, so that some can be kept
-// back, and with so many steps of the continuation.
+// A trial is a short fit to about SAMPLES samples, but to at least FEWEST_TRAJECTORIES
+// trajectories, because some are kept back to judge it. It takes at most STEPS iterations.
 #define SAMPLES 3000
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
 #define FEWEST_TRAJECTORIES 10
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
-// Trials end after so many s of CPU time. A trial that takes so many times as long as it should,
-// and so many s, is stopped.
+// A trial ends itself after at most ENDED s of CPU time. A trial that has taken SAFETY times what
+// it was given, and ENDED s more, is stopped from outside.
 #define ENDED 30
 #define SAFETY 4
 #define LEAST 1 // s of CPU time that every trial has
 // A single record teaches a model with this part of it, and judges it with the rest.
 #define TAUGHT 0.65
-// A guess must lower the error of those that are believed more by this factor. Columns that are
-// predicted as well as their noise allows, or to this part of their deviation, need nothing more.
+// A guess replaces a simpler one if its error is less than BETTER times as large. A column needs
+// nothing more if its error is below NOISE_ALONE times its noise, or times ENOUGH of its deviation.
 #define BETTER 0.85
 #define NOISE_ALONE 1.25
 #define SMALL_ERROR 0.1 // of the deviation
 #define NOTHING 0.5     // of the deviation: an error that predicts hardly anything
 #define ENOUGH 1e-3
 #define MOST_TRIALS 64
-// Of the changes of a column: what may be an input leaves more unexplained, known inputs explain no
-// more of it, and it explains so much of another column.
+// A column may be an unnamed input if the other columns leave more than the part UNEXPLAINED of its
+// changes unexplained, if known inputs explain less than DRIVEN of them, and if it explains more
+// than ACTS of the changes of another column.
 #define UNEXPLAINED 0.5
 #define DRIVEN 0.05
 #define ACTS 2e-3

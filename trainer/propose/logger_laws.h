@@ -1,5 +1,5 @@
-// The laws of a training file for a logger's columns: energies, friction, conduction and flow, each
-// with constants that begin where regressions put them.
+// Writes the laws of a training file for a logger's columns: energies, friction, conduction and
+// flow. Their learned constants begin at values that regressions give.
 #ifndef PM_TRAINER_PROPOSE_LOGGER_LAWS_H
 #define PM_TRAINER_PROPOSE_LOGGER_LAWS_H
 
@@ -143,10 +143,11 @@ static inline void pm_logger_cell_current(char *text, size_t size, const pm_logg
              cell->name, x, x);
 }
 
-// Writes to `text` the heat of an input that warms a temperature, divided by the input. What flows
-// one way only warms in proportion. Else the heat has a part that changes its sign with the input,
-// as that of a reaction, and one that grows with the square: that of the resistance of a cell,
-// which is known, or a learned one.
+// Writes to `text` the heat with which an input warms a temperature, divided by the input. An input
+// that is never negative warms in proportion. Any other input has two parts: heat that changes sign
+// with the input, as that of a reaction, and heat that grows with its square. The second part is
+// the loss in the resistance of a cell if the input is its current, and otherwise has a learned
+// coefficient.
 void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
                            const pm_logger_action *action);
 

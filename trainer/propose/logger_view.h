@@ -112,9 +112,10 @@ typedef struct pm_logger_column {
     // no input fixes its size. Then it is the unit of all energies that depend on it.
     double inertia;
     bool free_scale;
-    // A charge whose co-energy, behind a resistance, is seen in the column `seen` of the dataset,
-    // or NULL; `current` is the identifier of the input, and resistance is negative if the charge
-    // falls with it. A column that relaxes takes part in this sum.
+    // A hidden charge whose voltage dE/dq is measured only behind a resistance: `seen` is the
+    // column of the dataset that shows it, NULL for other variables. `current` is the identifier of
+    // the input that is the current. `resistance` is negative if this current discharges the cell.
+    // A variable with `relaxes` > 0 is a further summand of the column.
     const char *seen;
     int current;
     double resistance, voltage, slope; // at the mean charge, and its derivative
@@ -267,9 +268,9 @@ static inline bool pm_logger_is_measured(const pm_logger_view *view) {
     return view->noisy || !view->even || !view->complete || view->hides;
 }
 
-// Returns true if two co-energies move each other: those of one kind by a loss, as the voltage
-// across a resistor, those of different kinds, such as a current and an angular velocity, without
-// loss.
+// Returns true if two co-energies act on each other. With `same_kind` it looks for a loss between
+// two of the same unit, as between two voltages that a resistor joins. Without it, it looks for a
+// coupling without loss between two of different units, as of a current and an angular velocity.
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind);
 // Returns the temperature that takes up the heat of a loss between two co-energies; -1: none.
 int pm_logger_heated(const pm_logger_view *view, int i, int j);

@@ -343,9 +343,9 @@ static void find_pairs(const pm_look *look, pm_part_view *parts, int part) {
                 if (!may) {
                     continue;
                 }
-                // One of two variables that is a length or an angle is the position, for which it
-                // need not be easier to explain: velocities of coupled bodies depend on positions,
-                // too.
+                // If only one of the two is a length or an angle, it is the position. Otherwise the
+                // position is the one whose rate the other explains better. The unit comes first
+                // because velocities of coupled bodies also depend on positions.
                 double of_a, of_b;
                 const double rest_a = explain_by_mate(look, parts, part, a, b, &of_a);
                 const double rest_b = explain_by_mate(look, parts, part, b, a, &of_b);

@@ -53,15 +53,16 @@ void pm_sensitivity_allocate(int count, pm_sensitivity_item *item, size_t nz, si
                              pm_arena *arena);
 // Makes the state of `item` a start: by_start becomes the identity and by_weights zero.
 void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item *item);
-// Integrates `count` windows of tracks, count <= PM_SENSITIVITY_BATCH, item[i] from its start at
-// sample first[i] of track[i] to sample last[i]: with `values`, which has no derivatives, side by
-// side; then each is linearised along its path, many steps at a time, and the Jacobians are
-// multiplied in turn. This takes much less time than one step after the other where windows are
-// few. path[i] [steps of track[i]][nz] receives the states before the steps. Calls `visit` for the
-// samples first[i] to last[i] - 1 of each window in turn, with the state, what is measured there, y
-// [ny], and its derivatives, of which it may change by_start.
+// Receives sample `sample` of window `id`: the state z [nz], the measured columns y [ny], and the
+// derivatives of y. It may change by_start.
 typedef void pm_sensitivity_visit(void *context, int id, int sample, const double *z,
                                   const double *y, double *by_start, const double *by_weights);
+// Integrates window i of `count` <= PM_SENSITIVITY_BATCH windows from its start in item[i], at
+// sample first[i] of track[i], to sample last[i]. First `values`, which has no derivatives,
+// integrates all windows side by side. Then each step is linearised about its path, many steps at a
+// time, and the Jacobians are multiplied in turn. If windows are few, this takes much less time
+// than carrying the derivatives along. path[i] [steps of track[i]][nz] receives the states before
+// the steps. Calls `visit` for the samples first[i] to last[i] - 1 of each window in turn.
 void pm_sensitivity_along(pm_sensitivity *sensitivity, pm_sensitivity *values, int count,
                           pm_sensitivity_item *item, const pm_track *const *track, const int *first,
                           const int *last, double *const *path, pm_sensitivity_visit *visit,

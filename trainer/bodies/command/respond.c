@@ -31,8 +31,8 @@ typedef struct response {
 } response;
 
 // Starts the undeformed body at the first state of trajectory i and lets the forces of the field
-// act on it. `to` receives the positions, velocities, stresses, forces and energies in its
-// trajectory `row`; NULL: nobody. `u` [nnode][3] and `sigma` [nnode][6] are work space.
+// act on it. Trajectory `row` of `to` receives the positions, velocities, stresses, forces and
+// energies; `to` may be NULL. `u` [nnode][3] and `sigma` [nnode][6] are work space.
 static pm_status follow(const pm_solid_data *data, int i, pm_solid *solid, double *u, double *sigma,
                         pm_field *to, int row, response *r) {
     const pm_field *field = data->field;

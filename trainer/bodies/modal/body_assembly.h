@@ -1,7 +1,7 @@
-// An assembly is several bodies that are placed in space. A body is in modes, and all bodies in
-// modes share one basis, or it is a solid, whose coordinates are the displacements of nodes. The
-// functions find the bodies that face each other and convert the fields of all bodies to their
-// coordinates.
+// An assembly is several bodies that are placed in space. Each body is described either by modes or
+// as a solid. All bodies in modes share one basis; the coordinates of a solid are the displacements
+// of its nodes. The functions find the bodies that face each other and convert the fields of all
+// bodies to their coordinates.
 #ifndef PM_BODIES_MODAL_BODY_ASSEMBLY_H
 #define PM_BODIES_MODAL_BODY_ASSEMBLY_H
 
