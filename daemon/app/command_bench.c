@@ -458,8 +458,8 @@ static pm_status execute(const pm_run_options *options) {
     const int rounds = physics->substeps * physics->integrator->nstage;
     b.nstart = pm_rollout_starts(&b.base, (uint64_t)options->seed + 1, TRAJECTORIES, STARTS, 0,
                                  &b.base.arena, b.start);
-    // How many steps fit into the budget follows from the time that a few take without a tolerance,
-    // whose exchanges are known.
+    // Time a few steps to find out how many fit into the budget. They are taken without a
+    // tolerance, so that the number of their exchanges is known.
     const pm_stepping own = {physics->integrator, physics->substeps, physics->tolerance,
                              physics->dt, b.base.scene->run.steps};
     pm_rollout_spec spec = {.stepping = own, .factor = 1, .seconds = TRIAL};

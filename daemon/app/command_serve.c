@@ -1,6 +1,6 @@
-// portmetd serve, coordinator and node: a coordinator with the processes that it launches, of one
-// run or of one run after another as clients ask for them, and a process of a run (lockstep/node.h,
-// coordinator.h, control.h).
+// The commands serve, coordinator and node of portmetd. `serve` launches all processes and makes
+// one run after another, as clients ask (lockstep/control.h). `coordinator` makes one run with
+// processes that were started by hand. `node` is such a process.
 #include "app/serve.h"
 
 #include <inttypes.h>

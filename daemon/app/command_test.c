@@ -602,8 +602,8 @@ static void on_health(void *context, const char *channel, const void *data, size
     }
 }
 
-// Runs the scene `text` over LCM for some seconds, and notes how it is doing. `who` [LINE] becomes
-// who waits for whom, and stays empty if the run has ended before it has told.
+// Runs the scene `text` over LCM for some seconds, and measures its cost. `who` [LINE] receives a
+// text that says which process waits for which, or "" if the run ended before it reported that.
 static pm_status measure_cut(assembly *a, const char *text, cost_meter *l, char *who) {
     pm_transport *transport = NULL;
     pm_scene *scene = NULL;

@@ -24,9 +24,9 @@ void pm_files_note_output(const char *path);
 #define PM_FILES_RECORDING "portmet recording"
 #define PM_FILES_ARCHIVE "PK"
 
-// PM_EUSAGE: the program reads the file at `path`. PM_EFILE: unless `kind` is NULL, there is
-// something at `path` that is no regular file, such as a device; or a file that is not empty and is
-// of another kind, which somebody else has written.
+// Checks that the program may write to `path`. PM_EUSAGE: it also reads this file. PM_EFILE: `path`
+// is no regular file, such as a device, or a file of another kind than `kind`, which the program
+// cannot have written. An empty file is of every kind. With kind == NULL only PM_EUSAGE is checked.
 pm_status pm_files_check_output(const char *path, const char *kind);
 
 // Creates a text file, or one of a kind, which the caller closes. Fails as pm_files_check_output

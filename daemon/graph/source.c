@@ -551,7 +551,8 @@ pm_status pm_source_write(FILE *file, const pm_graph *graph, const double *const
             fputs(";\n", file);
         }
     }
-    // A product with a known +0 is left out, and its other factor may then be read by nobody.
+    // A product with a known +0 is left out. Its other factor may then be unused, of which a
+    // compiler would warn.
     for (pm_node x = 0; x < nnode; ++x) {
         if (w.name[x] != NULL && !w.read[x] && pm_graph_node_at(graph, x)->op != PM_OP_INPUT) {
             fprintf(file, "    (void)%s;\n", w.name[x]);

@@ -10,7 +10,8 @@
 #include "base/lanes.h"
 #include "library/rates.h"
 
-// States of so many numbers are kept for a reverse pass, or more if the square root demands it.
+// The most numbers of states that a reverse pass keeps, unless checkpoints at the square root of
+// the number of steps need more.
 #define KEPT ((int64_t)1 << 18)
 #define PROGRAMS (2 * PM_RATES_TASKS) // of a worker
 #define MOST_SUBSTEPS ((int64_t)1 << 40)

@@ -29,8 +29,8 @@ void pm_listener_close(pm_listener *listener); // NULL is allowed
 typedef void pm_sample_handler(void *context, const pm_sample *sample);
 void pm_listener_set_handler(pm_listener *listener, pm_sample_handler *handler, void *context);
 
-// Handles the messages that have arrived, without waiting. It returns after some thousand, even if
-// more arrive. PM_ENET.
+// Handles the messages that have arrived, without waiting. It returns after some thousand messages,
+// even if more arrive. PM_ENET.
 pm_status pm_listener_read(pm_listener *listener);
 
 // Returns the session of the run that the listener follows; 0: it has heard none yet.

@@ -91,7 +91,7 @@
 #define LATE_DEPTH 32
 #define ASK_INTERVAL 0.01 // s between two questions of a node that takes part in a run
 
-// After so many steps in a row the loop handles messages and looks whether it shall stop.
+// After STEPS_AT_ONCE steps in a row the loop handles messages and checks whether it has to stop.
 #define STEPS_AT_ONCE 16
 
 // While steps are computed, a report follows the one before after at most the larger of these two

@@ -52,8 +52,8 @@ typedef struct pm_boundary_input {
     const double *held; // [n] borrowed; a number replaces the scene's value, NaN does not; NULL: no
                         // value is replaced
     double *value;      // [n] work space
-    // Positions in the trajectory that is followed are numbers of samples where these are `unit`
-    // seconds apart, and else s after the first sample, with unit 1.
+    // A position in the trajectory counts samples if these are evenly spaced, `unit` seconds apart.
+    // Otherwise it is the time after the first sample in s, and `unit` is 1.
     bool even;
     int length;                   // samples of the trajectory
     double unit, origin;          // s; the time of the first sample, s

@@ -13,8 +13,7 @@
 #define MOST_HALVES 6
 #define KRYLOV 30 // the most vectors of GMRES
 #define KRYLOV_END 1e-6
-// m, or the unit of the travel: the length over which dE/dx is differentiated, relative to the
-// distance from the answer.
+// The length over which dE/dx is differentiated, relative to the distance from the answer.
 #define DIFFERENCE 1e-4
 // The bodies agree with the gap where their answer changes the forces by less than this share, or
 // the travel by less than this share of it.
@@ -309,8 +308,9 @@ static double advance(gap_equation *q, double norm) {
     return next;
 }
 
-// Returns the compliance in directions of which nothing is known: that of the last pair, or at
-// first far more than that of the gap between x and the answer.
+// Returns the compliance of the bodies in directions in which they have not answered yet. It is
+// that of the last pair of changes. Before the first pair it is SOFTER times the compliance of the
+// gap between x and the answer.
 static double first_scale(const gap_equation *q) {
     pm_contact_gap *gap = q->gap;
     const int n = gap->n;

@@ -96,7 +96,7 @@ static pm_status open_exposure(const pm_model *m, pm_subsystem_group *group, pm_
     return PM_OK;
 }
 
-// Sets *served to false if the bulk term exists, but cannot be run in so many lanes.
+// Sets *served to false if the bulk term exists, but cannot be run in `width` lanes.
 static pm_status open_bulk(pm_subsystem_group *group, pm_graph *g, int width, bool *served) {
     const pm_node input[] = {pm_input(g, true, 1, group->nz), pm_input(g, true, 1, group->nz),
                              group->shown[PM_SHOWN_DS] == NULL ? PM_NO_NODE
@@ -118,7 +118,7 @@ static pm_status open_bulk(pm_subsystem_group *group, pm_graph *g, int width, bo
 }
 
 // Opens the graphs of a group with `width` lanes, with discrete derivatives if `discrete` is true.
-// Leaves group->exposure NULL if they cannot be run in so many lanes. PM_ENOMEM.
+// Leaves group->exposure NULL if they cannot be run in these lanes. PM_ENOMEM.
 static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int width,
                              bool discrete) {
     pm_arena scratch = {0};

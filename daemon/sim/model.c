@@ -316,8 +316,8 @@ static pm_status open_end(pm_model *m, pm_port_group *group, int which) {
     return PM_OK;
 }
 
-// Opens the graph of the law. group->law stays NULL if nothing acts, or if the graph cannot be run
-// in so many lanes; *served is then false.
+// Opens the graph of the law. group->law stays NULL if nothing acts. It also stays NULL, and
+// *served becomes false, if the graph cannot be run in the lanes of the group.
 static pm_status open_law(pm_model *m, pm_port_group *group, bool *served) {
     const pm_system *system = m->system;
     const int id = group->id[0];

@@ -639,8 +639,8 @@ static void put_changed(pm_data *d, pm_serializer *serializer, int64_t lane) {
     }
 }
 
-// A subsystem's co-energies, potentials and rates follow from its state; what is put besides is how
-// it was exposed, its counts, and what its kind keeps.
+// Serializes what does not follow from the state of a subsystem: how it was exposed, its counts,
+// and what its kind keeps. Co-energies, potentials and rates follow from the state.
 static void put_subsystem(const pm_model *m, pm_data *d, int id, pm_serializer *serializer) {
     const pm_subsystem_group *group = &m->group[m->subsystem_at[id].group];
     const int lane = pm_model_address(m, id).lane;

@@ -119,8 +119,8 @@ static pm_status read_head(const char *path, FILE *file, const pm_snapshot_key *
     return PM_OK;
 }
 
-// Leaves `file` NULL and returns PM_OK where there is no file. Waits for nobody who would write to
-// a pipe.
+// Opens a snapshot. If there is no file, `file` stays NULL and the result is PM_OK. A pipe is
+// refused without waiting for its writer.
 static pm_status open_file(const char *path, FILE **file) {
     struct stat facts;
     *file = NULL;

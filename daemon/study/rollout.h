@@ -15,8 +15,8 @@ typedef struct pm_start {
     const double *z; // [scene->nz]
 } pm_start;
 
-// What is done to the boundary inputs. Those of entropies, which are temperatures, stay as they
-// are.
+// How a rollout changes the boundary inputs. Temperatures, which are the inputs of entropies, stay
+// as they are.
 typedef enum pm_drive {
     PM_DRIVE_PLAIN,     // times `factor`
     PM_DRIVE_VANISH,    // zero from the middle of the run on

@@ -17,8 +17,8 @@
 #define OUTLYING 0.01       // of the misses of a trajectory, beside those that stand alone
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
-// Records have another noise than those of the fit if its logarithm differs by so many standard
-// errors, and not by less than this.
+// A record has a noise of its own if the logarithm of its noise differs from that of the fit by
+// more than this many standard errors.
 #define OTHER 2.0
 #define LEAST_NOISE 1e-3 // of that of the fit
 #define NARROWEST 0.1    // of the deviation that a scene gives to a start: no prior is narrower

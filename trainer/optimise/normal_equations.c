@@ -34,8 +34,9 @@
 typedef struct lane {
     pm_gauss_newton *form;
     int id;
-    // Of a matrix: the residuals and their derivatives. Of products: `program` for the gradient and
-    // the squares that estimate the diagonal, and `multiply` for products.
+    // With a matrix, `program` computes the residuals and their derivatives. Without one, it
+    // computes the gradient and the squares that estimate the diagonal, and `multiply` computes
+    // products.
     pm_program *program, *multiply;
     pm_program *forward, *reverse; // of the bend
     double *jacobian;              // [MATRIX_CHUNK * nresidual][size], of a matrix

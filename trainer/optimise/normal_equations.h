@@ -92,10 +92,11 @@ typedef struct pm_damped_equations {
     const int *index;     // [count], borrowed
 } pm_damped_equations;
 
-// Prepares the equations for the loss of `objective`, which must outlive them, with
-// `matrix` for a Cholesky factorisation, otherwise for conjugate gradients. Steps by a factor can
-// be accelerated on `accelerated` samples at most; 0: they cannot. `frozen` [size] are weights
-// whose step is zero, borrowed; NULL: none. The caller closes them, after a failure too. PM_ENOMEM.
+// Prepares the equations for the loss of `objective`, which must outlive them. With `matrix` they
+// are solved by a Cholesky factorisation, otherwise by conjugate gradients. Steps of the
+// factorisation can be accelerated if a batch has at most `accelerated` samples. `frozen` [size]
+// marks weights whose step is zero; it is borrowed and may be NULL. The caller closes the
+// equations, after a failure too. PM_ENOMEM.
 pm_status pm_damped_equations_open(pm_damped_equations *e, pm_objective *objective, int accelerated,
                                    bool matrix, const bool *frozen);
 void pm_damped_equations_close(pm_damped_equations *e);

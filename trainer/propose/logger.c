@@ -302,8 +302,8 @@ static int add_lines(char *to, const char *from, int most) {
     return count;
 }
 
-// Returns where the best trial left the constants, or, where it learned networks, too, where they
-// began in it. What a lean trial left out stays spare.
+// Returns the constants at the end of the best trial, or those at its start if it also learned
+// networks. What a lean trial left out stays spare.
 static const char *found_by_best(hidden_search *s) {
     const char *own = s->trial[s->best].found, *first = s->found[s->best];
     char *found = NULL;
@@ -338,8 +338,8 @@ static bool explains(const hidden_search *s) {
 // Tries the guesses from number `from` on, and keeps the best one.
 static pm_status try_guesses(hidden_search *s, int from) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
-    // Half of what is left of the budget is for what is tried next; several guesses share all of
-    // it.
+    // A single guess gets at most half of the budget that is left, so that others can follow.
+    // Several guesses share all of it.
     const double rest = s->hints->budget - s->spent, count = s->count - from;
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
     const double longest = fmin(ENDED, left);
@@ -377,8 +377,8 @@ static pm_status try_guesses(hidden_search *s, int from) {
     return PM_OK;
 }
 
-// Adds the best guesses so far with another one for a column, by its identifier, or also for the
-// variables that are like it.
+// Adds a trial that has the best guesses so far, and another guess for the column with identifier
+// `id`, or also for the variables that are like it.
 static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_unit *alike) {
     if (s->count == MOST_TRIALS) {
         return;
@@ -415,8 +415,8 @@ static bool is_twin(const hidden_search *s, int id) {
     return twin;
 }
 
-// Adds the first `most` of other laws beside those of the best guesses that may explain more. What
-// they share with the best ones begins where these ended.
+// Adds up to `most` guesses that differ from the best one by a richer law. Constants that they
+// share with the best one begin where its trial ended.
 static pm_status add_laws(hidden_search *s, int most) {
     static const int richer[][2] = {
         {PM_LOGGER_INERTIA, SUMMED_INERTIA},         {PM_LOGGER_COUPLING, LEARNED_COUPLING},
@@ -502,9 +502,9 @@ static pm_status find_inputs(hidden_search *s, int most) {
 // Columns are grouped by what may be hidden behind them.
 typedef enum column_group { UNPLACED, MOVING, SEEN, THERMAL } column_group;
 
-// Tries what may be hidden behind the columns of a group, velocities and rates of measured
-// positions, temperatures or all others, or what columns do where nothing is hidden: first the same
-// behind all columns of a unit, then behind single ones, until nothing is better.
+// Tries guesses for the columns of a group: hidden variables behind them, or other roles of the
+// columns themselves. It first tries the same guess for all columns of a unit, then for single
+// ones, until no guess is better.
 static pm_status find_columns(hidden_search *s, column_group group) {
     for (int alike = 1; alike >= 0; --alike) {
         for (int c = 0; c < s->first.nvariable && !is_over(s); ++c) {
@@ -533,10 +533,10 @@ static pm_status find_columns(hidden_search *s, column_group group) {
     return PM_OK;
 }
 
-// Tries the best guesses once more: with `turn`, whether inputs that look smooth are held between
-// samples, or no longer are; else from where regressions put the constants, since a worse guess may
-// have led them astray. Nothing is richer than before, so that what is likelier is taken, however
-// little the errors differ beside the noise.
+// Tries the best guesses once more. With `turn` inputs that look smooth become held between
+// samples, or held ones smooth. Without it the constants begin where regressions put them, because
+// the constants of a worse guess may have led them astray. The new trial is no richer than the old
+// one, so that the likelier one wins, however little their errors differ.
 static pm_status try_again(hidden_search *s, bool turn) {
     const char *name;
     const char *const *alternative;
@@ -621,11 +621,11 @@ static pm_status find_hidden(hidden_search *s) {
     }
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    // A hidden variable that is missing leaves a large error, and a law that is not quite right
-    // leaves a small one. Motion heats, and heat hardly moves: what is hidden behind temperatures
-    // comes last. It may have hidden what inputs set. That inertias depend on positions comes
-    // first and, where much is missing, that couplings depend on flows: hidden variables would make
-    // up for both.
+    // The order of trials. A missing hidden variable leaves a large error, and a wrong law a small
+    // one, so that hidden variables come before most laws. Motion heats, but heat hardly moves, so
+    // that variables hidden behind temperatures come last, and inputs are looked at once more after
+    // them. Two laws come first, because hidden variables would make up for their lack: inertias
+    // that depend on positions and, where the error is large, couplings that depend on flows.
     PM_TRY(try_again(s, true));
     PM_TRY(leave_out(s));
     const int first = s->best;
@@ -805,9 +805,8 @@ static pm_status write_alternative(void *context, const int *chosen, const char 
     return status;
 }
 
-// Writes the training file of the laws that short fits prefer. Fits of measurements have chosen
-// already (find_laws): their laws have all parts, and the fit says which remain. It begins where
-// the short one ended.
+// Writes the training file of the laws that short fits prefer. For measurements find_laws has
+// chosen already: the laws are written with all their parts, and begin where the short fit ended.
 static pm_status choose_laws(pm_logger_draft *draft, const pm_logger_hints *hints,
                              const int *chosen, const char *before, const char *path) {
     const pm_logger_view *v = &draft->view;

@@ -30,8 +30,8 @@
 
 // --- which columns ---
 
-// Returns true if the part needs a port to the surroundings: it has what loses energy, and they
-// take up the heat.
+// Returns true if the part needs a port to the surroundings, which take up the heat of a co-energy
+// that loses energy.
 static bool loses(const pm_logger_view *v, int part) {
     bool some = pm_logger_count(v, part, PM_LOGGER_LEVEL) > 0 ||
                 (pm_logger_reactions(v, part) > 0 && v->thermometer[part] < 0);
@@ -498,7 +498,7 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     fprintf(f, "reference: {file: \"%s\", trajectory: 0",
             pm_path_seen_from(path, draft->data_path, named));
     if (v->hides || !v->even || !v->complete) {
-        // Starts that nobody measures follow from the first samples.
+        // Find the starts of hidden variables from the first samples.
         const double first = fmax(ceil(shortest * ESTIMATED_PART), FEWEST_SAMPLES);
         fprintf(f, ", estimate: %.6g", d->dt * fmin(first, shortest - 1));
     }
@@ -588,9 +588,9 @@ static void write_shift(pm_logger_writer *w, const char *name, const char *T, do
     fprintf(w->model, "[a.%s, b.x, \"%s\"], [b.s, b.x, \"-%s\"]", T, power, power);
 }
 
-// Writes what moves a part without loss from outside: what is constant, and what leaves one level
-// and falls into another one, unless networks tell that. The fluid that falls loses its energy
-// before it arrives; the height through which it falls gives the energy of the other level.
+// Writes what moves a part from outside without loss: constant rates, and fluid that leaves one
+// level and falls into another one, unless networks describe it. The fluid loses its energy before
+// it arrives; the height through which it falls gives the energy of the other level.
 static void write_pushes(pm_logger_writer *w, int part, bool falls) {
     static const char *const first = "    reversible: {given: [";
     const pm_logger_view *v = w->v;

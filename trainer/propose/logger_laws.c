@@ -30,8 +30,8 @@
 #define MOST_BENDS 8  // likewise, of a function that may be wavy
 // The argument of a logarithm that would round to 0 far below a step of a small width.
 #define SHARP 1e-9
-// Logarithms of the factors of a bend, and of a deviation of a temperature: what is not there would
-// else become large outside of the data.
+// The largest logarithms of the factor of a bend and of the factor of a deviation of a temperature.
+// Without a limit noise would make them large outside of the data.
 #define MOST_BEND 3
 #define DRAINED 0.03   // of the range of a charge: a cell's resistance rises over so much at least
 #define MOST_TURNING 3 // of each wave: an inertia or a friction that depends on angles
@@ -107,12 +107,13 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
         const char *brief = w->lean ? pm_logger_shorten(&arena, w->body, nzero, zero) : w->body;
         const char *body = brief == NULL ? w->body : brief;
         fprintf(w->f, "  %s:\n", name);
-        // Constants begin where a fit has left them if one was tried. What it has moved very far
-        // began in no better place: a positive constant at zero would stay there.
+        // Constants begin where an earlier fit left them, but positive ones at most a factor
+        // FURTHEST away from where regressions put them, because a constant near zero would stay
+        // there.
         for (int i = 0; i < count; ++i) {
             const listed_constant *c = &constant[i];
             const bool shared = pm_logger_mentions(c->line, "shared"); // perhaps with the scene
-            if (c->value != NULL && nzero > 0 && !shared && !pm_logger_mentions(body, c->name)) {
+            if (c->value != NULL && w->lean && !shared && !pm_logger_mentions(body, c->name)) {
                 continue;
             }
             fputs(written++ == 0 ? "    constants:\n" : "", w->f);
@@ -167,10 +168,10 @@ const char *pm_logger_number(pm_logger_writer *w, const char *kind, const char *
     return add_number(w, kind, name, start, size, PM_LOGGER_OPTIONAL);
 }
 
-// Adds a learned place between `least` and `largest`, which begins at `start`, unless it is there.
-// Returns the text by which a formula names it, which the next PM_LOGGER_NUMBERS calls leave as it
-// is. A place that could leave the data would never come back: a bend that lies outside of them is
-// a straight line.
+// Adds a learned place between `least` and `largest`, which begins at `start`, unless it exists
+// already. Returns the text by which a formula names it, which the next PM_LOGGER_NUMBERS calls
+// leave as it is. The place is bounded, because a bend outside of the data is a straight line
+// there, and a fit would never bring it back.
 static const char *bounded_place(pm_logger_writer *w, const char *kind, const char *name,
                                  double start, double least, double largest) {
     char *text = w->number[w->nnumber++ % PM_LOGGER_NUMBERS];
@@ -184,8 +185,8 @@ static const char *bounded_place(pm_logger_writer *w, const char *kind, const ch
     return text;
 }
 
-// Adds the logarithm of a factor, which begins at 0, unless it is there, and returns its text as
-// bounded_place does. Noise would make what is not there large where no data are.
+// Adds the logarithm of a factor, which begins at 0, unless it exists already, and returns its text
+// as bounded_place does. It is bounded, because noise would make it large where there are no data.
 static const char *logarithm(pm_logger_writer *w, const char *kind, const char *name, double most) {
     return w->v->noisy ? bounded_place(w, kind, name, 0, -most, most)
                        : pm_logger_number(w, kind, name, 0, 1);
@@ -195,9 +196,9 @@ static const char *logarithm(pm_logger_writer *w, const char *kind, const char *
 static double energy_of(const pm_logger_column *y) {
     return y->inertia * y->deviation * y->deviation;
 }
-// Returns true if an inertia of this part may depend on its positions: it is that of their rates.
-// Inertias of velocities that guide positions are constant: how the positions move depends on
-// angles.
+// Returns true if the inertia of co-energy c may depend on the positions of its part, which holds
+// for their velocities. Velocities that guide positions have constant inertias, because the way in
+// which they move the positions depends on angles already.
 static bool shares_inertia(const pm_logger_writer *w, int c) {
     const pm_logger_view *v = w->v;
     const pm_logger_column *y = &v->column[c];
@@ -1203,8 +1204,8 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
              t < 0 ? "" : w->v->column[t].name);
     fprintf(w->model, "[%s%s, %s%s, \"", of, w->v->column[c].name, to,
             t < 0 ? "s" : w->v->column[t].name);
-    // Friction that does not heat a thermometer takes its law from the part that does, but for a
-    // constant.
+    // If part of the friction heats a thermometer, that part has the law that regressions show. The
+    // friction whose heat goes to the surroundings is then taken as linear.
     pm_logger_column law = *y;
     for (int k = 0; k < w->v->nvariable && t < 0; ++k) {
         law.damped = law.damped && !w->v->warms[c][k];

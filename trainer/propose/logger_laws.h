@@ -133,8 +133,8 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
 void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
                                const pm_logger_column *cell, const char *of, const char *at);
 
-// Writes to `text` by what the resistance of a cell is multiplied: the current, and a part for the
-// exchange of charge (Butler and Volmer), the inverse of a hyperbolic sine.
+// Writes to `text` the factor of the resistance of a cell: the current plus an inverse hyperbolic
+// sine of it, which stands for the exchange of charge (Butler and Volmer).
 static inline void pm_logger_cell_current(char *text, size_t size, const pm_logger_column *cell,
                                           const char *of, const char *current) {
     char x[PM_LOGGER_LONG_TEXT];

@@ -21,8 +21,8 @@ static double mean_amount(const pm_logger_view *v, int part) {
     return amount;
 }
 
-// Writes "(A + B + solvent_part)": the amounts of a part, and what else is there that does not
-// react. Much of it makes rates depend on concentrations, nothing of it on fractions.
+// Writes "(A + B + solvent_part)": the sum of the amounts of a part and of a solvent that does not
+// react. With much solvent rates depend on concentrations, and without any on fractions.
 static void write_total(pm_logger_writer *w, int part, const char *of, char *text, size_t size) {
     const pm_logger_view *v = w->v;
     size_t n = 0;
@@ -44,8 +44,8 @@ static void write_size(const char *of, const pm_logger_column *n, char *text, si
     snprintf(text, size, "sqrt(%s%.40s^2 + %.4g)", of, n->name, least * least);
 }
 
-// Returns the text of the gas constant, which is learned where concentrations stand for amounts,
-// since nobody knows the volume.
+// Returns the text of the gas constant. If the columns are concentrations, it is learned, because
+// the volume is not known.
 static const char *gas_constant(pm_logger_writer *w, int part, char *text, size_t size) {
     const pm_unit mol = pm_unit_parse("mol");
     bool amounts = true;
@@ -149,8 +149,9 @@ void pm_logger_write_reaction(pm_logger_writer *w, int k, const char *of, const 
         fprintf(w->model, " + %s*(ln(%s/%.6g) + %.6g/%s - 1))",
                 pm_logger_number(w, "power", name, 0, CURVES), T, T0, T0, T);
     }
-    // Forward less backward is the root of both products times twice the hyperbolic sine of half
-    // the affinity over R T; a pair multiplies by the affinity over T itself.
+    // The forward rate less the backward one is 2 sqrt(product of both) sinh(x/2), where x is the
+    // affinity over R T. A pair multiplies its coefficient by the affinity over T, so that the
+    // coefficient has sinh(x/2) divided by it.
     char half[2 * PM_LOGGER_LONG_TEXT];
     snprintf(half, sizeof half, "sqrt(((%s)/(2*%s*%s))^2 + %.4g)", affinity, gas, T, EQUAL);
     fprintf(w->model, "*sqrt(%s)*(exp(%s) - exp(-%s))/(2*%s*%s)\"]", product, half, half, half,

@@ -28,9 +28,9 @@ static double median_of(double *x, int n) {
     return n > 0 ? x[n / 2] : NAN;
 }
 
-// Returns the standard deviation of white noise that the n-th differences show. Those over a jump
-// of a held input are left out, since the motion has kinks there, unless too few are left: then the
-// result is NaN, or, with `kinks`, all count.
+// Returns the standard deviation of white noise that the n-th differences show. Differences over a
+// jump of a held input are left out, because the motion has kinks there. If too few remain, the
+// result is NaN or, with `kinks`, comes from all differences.
 static double differences(const pm_logger_samples *w, int c, int n, bool kinks) {
     const pm_dataset *d = w->view->dataset;
     int count = 0;
@@ -104,7 +104,7 @@ int pm_logger_window(const pm_logger_samples *w, int target) {
     int longest = 1;
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];
-        // What nobody measures is a mixture of the others.
+        // A hidden variable is a mixture of all measured ones.
         const bool counts = c == target || view->column[target].source == NULL;
         double change = 0;
         int m = 1;
@@ -196,9 +196,9 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
     return rest;
 }
 
-// Returns the part of the changes in slope of variable c, where the held input u jumps, that these
-// jumps explain: what an input drives answers at once, what that moves in turn does not. 0: there
-// are too few jumps.
+// Returns how much of the changes in slope of variable c, at the jumps of the held input u, these
+// jumps explain; 0 if there are too few jumps. A variable that the input drives changes its slope
+// at once. One that is moved by this variable in turn does not.
 static double answer(const pm_logger_samples *w, int c, int u) {
     const pm_dataset *d = w->view->dataset;
     double product = 0, jumps = 0, changes = 0;

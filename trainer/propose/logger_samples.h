@@ -63,8 +63,8 @@ bool pm_logger_measure(const pm_logger_samples *w, int c);
 // Finds out whether times are even and whether all samples are there, and the noise of variables.
 void pm_logger_find_noise(pm_logger_samples *w);
 
-// Returns the number of samples in a window for regressions of a variable: so many that it changes
-// by more than its noise.
+// Returns the number of samples in a window for regressions of a variable, such that the variable
+// changes by more than its noise over a window.
 int pm_logger_window(const pm_logger_samples *w, int target);
 
 // Regresses the changes of a variable on the integrals of the columns in `used`, and on the

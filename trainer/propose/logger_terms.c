@@ -586,8 +586,8 @@ pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
             find_guide(w, q, work);
         }
     }
-    // Velocities turn into each other where one of them is no rate of a position: an inertia would
-    // else tell the same.
+    // Two velocities turn into each other only if one of them is not the rate of a position.
+    // Otherwise an inertia that depends on positions has the same effect.
     for (int i = 0; i < v->nvariable && !coupled; ++i) {
         for (int j = i + 1; j < v->nvariable; ++j) {
             const pm_logger_column *a = &v->column[i], *b = &v->column[j];
@@ -751,8 +751,8 @@ static void find_harmonics(const pm_logger_samples *w, int i, equations *work) {
     }
 }
 
-// Returns true if the product of input u and variable j moves variable i, beside valves, and
-// whether it raises it.
+// Returns true if the product of input u and variable j moves variable i, beyond the effects of
+// valves. *raises tells whether it raises it.
 static bool converts(const pm_logger_samples *w, int u, int i, int j, equations *work,
                      bool *raises) {
     const pm_logger_view *v = w->view;
@@ -771,9 +771,9 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
     return gain > GAINS;
 }
 
-// Finds whether co-energy i is damped, by a resistance that depends on it, and whether its
-// inductance or capacity, which divides all that moves it, depends on it. What nobody measures may
-// be all of that, but for a hidden force: it is damped as a velocity is.
+// Finds out whether co-energy i is damped, whether its resistance depends on it, and whether its
+// inductance or capacity depends on it. For a hidden variable the data cannot tell, so that all
+// three are assumed. A hidden force is only damped, like a velocity.
 static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     const pm_logger_view *v = w->view;
     pm_logger_column *y = &w->view->column[i];
@@ -811,7 +811,7 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
         rest[k] = rest_of_some(work, keep, work + 2, x);
     }
     const double least = fmax(FAINT, SHOWN * rest[0]);
-    // Chance explains one part of so many windows.
+    // A term without any effect explains about one part in `count` by chance.
     const double chance = rest[0] / (work->count > 0 ? work->count : 1);
     const bool force = y->behind >= 0 && v->column[y->behind].mate >= 0;
     y->curved = !force && (hidden || rest[1] - rest[0] > least);
@@ -819,8 +819,8 @@ static void find_bends(const pm_logger_samples *w, int i, equations *work) {
     y->bent = hidden || rest[3] - rest[0] > least;
 }
 
-// An input that warms a temperature may rather set how well heat is conducted away: then the
-// temperature falls the faster, the warmer it is.
+// An input that seems to warm a temperature may instead set how well heat is conducted away. In
+// this case the temperature falls faster the warmer it is.
 static void find_cooling(const pm_logger_samples *w, pm_logger_action *action, equations *work) {
     const pm_logger_column *u = &w->view->column[action->input];
     const pm_logger_column *T = &w->view->column[action->target];
@@ -852,8 +852,8 @@ static void add_coolants(const pm_logger_view *v, term_list *list, int i) {
     }
 }
 
-// Returns which part of what is unexplained of variable i, beside as much that noise may explain,
-// the terms explain; 0: hardly any.
+// Returns what the terms explain of the changes of variable i, divided by the sum of what stays
+// unexplained and of what noise may explain; 0 if they explain hardly any.
 static double worth_of(const pm_logger_samples *w, int i, const term_list *list, int known,
                        equations *work, double *x) {
     const double gain = gain_of(w, i, list, known, work, x), noise = w->view->column[i].noise;
@@ -878,8 +878,8 @@ static double opening_of(const pm_logger_samples *w, int u, int i, int j, equati
     return worth_of(w, i, &list, known, work, NULL);
 }
 
-// Returns how much of temperature i a flow u explains that enters with the temperature T, another
-// input. *slope receives how fast it does, 1/s per unit of the flow.
+// Returns how much of the changes of temperature i the flow u explains if it enters with the
+// temperature T, another input. *slope receives the rate of the exchange, 1/s per unit of the flow.
 static double entering_of(const pm_logger_samples *w, int u, int T, int i, equations *work,
                           double *slope) {
     const pm_logger_view *v = w->view;
@@ -997,8 +997,8 @@ static void insert(double worth[LIKELY + 1], pm_logger_guess guess[LIKELY + 1]) 
     }
 }
 
-// Offers to trials what inputs may set, the likeliest of each: regressions rank it, and trials
-// decide, since capacities that vary hide it.
+// Offers to trials what each input may set, the likeliest first. Regressions only rank these
+// guesses, because capacities that vary hide the effect; trials decide.
 static void offer_openings(const pm_logger_samples *w, equations *work) {
     pm_logger_view *v = w->view;
     const pm_unit kelvin = pm_unit_parse("K");
@@ -1035,8 +1035,8 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
         for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
             input->other[input->nother++] = guess[k];
         }
-        // A factor is offered where several inputs drive: that of a single one would only scale
-        // the inertia of what it drives.
+        // A learned factor is offered only if several inputs drive. The factor of a single input
+        // would merely scale the inertia of what it drives.
         bool drives = false, others = false;
         for (int a = 0; a < v->naction; ++a) {
             const bool own = v->action[a].input == u;
@@ -1097,8 +1097,9 @@ static void find_cell_heat(const pm_logger_samples *w, equations *work) {
     }
 }
 
-// Couplings of temperatures are those without inputs: what grows with the square of an input, or
-// with its product with the temperature, would else be taken for other surroundings.
+// Computes the couplings of temperatures without the effects of inputs. Heat that grows with the
+// square of an input, or with its product with the temperature, would otherwise look like
+// conduction to further surroundings.
 static void correct_leaks(const pm_logger_samples *w, equations *work) {
     pm_logger_view *v = w->view;
     for (int i = 0; i < v->nvariable; ++i) {
@@ -1128,8 +1129,8 @@ static bool stores_with_others(const pm_logger_view *v, int q) {
     return found;
 }
 
-// Finds whether lengths q and r never come near their centre, and the spins that their motion about
-// it changes, by a friction that falls with the distance. What else would couple these favours
+// If lengths q and r never come near their centre, finds the spins that their motion about it
+// changes by a friction that falls with the distance. Any other coupling of the two would favour
 // directions.
 static void find_tides(pm_logger_samples *w, int q, int r, equations *work) {
     pm_logger_view *v = w->view;
@@ -1194,10 +1195,10 @@ static void add_expansion(const pm_logger_view *v, term_list *list, int t) {
     }
 }
 
-// Finds the levers of springs between two positions of a part. The force of a spring is
-// proportional to lever*i - j for both of their velocities, so that each of them shows the lever,
-// if nothing else holds the positions. Positions of one unit for which that is not so have the
-// lever 1. Finds how far apart all columns come.
+// Finds the levers of springs between two positions of a part, and how far apart all columns come.
+// The force of a spring is proportional to lever*i - j for both velocities, so that both show the
+// same lever if nothing else holds the positions. If they do not, positions of one unit have the
+// lever 1, and others have no spring.
 static void find_levers(const pm_logger_samples *w) {
     pm_logger_view *v = w->view;
     for (int i = 0; i < v->nvariable; ++i) {

@@ -161,8 +161,9 @@ static void add_force(pm_logger_samples *w, int y) {
     w->length = 0;
 }
 
-// Adds the hidden variable of a guess. A linear regression gives y'' + c1 y' + c0 y = ... The two
-// variables relax at the roots p of p^2 - c1 p + c0 = 0, or at their mean if these are complex.
+// Adds the hidden variable of a guess. A linear regression gives y'' + c1 y' + c0 y = ... The rates
+// at which the two variables relax are the roots p of p^2 - c1 p + c0 = 0, or their mean if they
+// are complex.
 static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
     pm_logger_view *view = w->view;
     pm_logger_column *column = &view->column[y];
@@ -233,10 +234,10 @@ static double regress_jumps(const pm_logger_samples *w, int y, int u, bool jumps
     return rest;
 }
 
-// Makes column y that of the charge of a cell: what is left of it without its jumps, V, follows the
-// integral of the input, J, with the slope that the changes within trajectories show, so that the
-// charge is (V(0) - mean)/slope + J. Adds `pairs` that relax, which begin with half of the
-// resistance and with times between a step and a trajectory.
+// Makes column y the voltage of a cell with a hidden charge. V, the column without its jumps,
+// follows J, the integral of the input, with a slope that the changes within trajectories show. The
+// charge is therefore (V(0) - mean)/slope + J. Adds `pairs` variables that relax. They begin with
+// half of the resistance, and with times between that of a step and that of a trajectory.
 static void add_cell(pm_logger_samples *w, int y, int u, double jump, int pairs) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
@@ -347,9 +348,9 @@ static void use_flows(const pm_logger_view *view, int q, bool *used) {
     }
 }
 
-// Makes column q a position if velocities explain its rate: several ones that of the length of a
-// spring between two bodies, one that of a load behind a gear. Its mate is the one that moves it
-// most of those in its part that have none yet.
+// Makes column q a position if velocities explain its rate. The length of a spring between two
+// bodies has several such velocities, and a load behind a gear has one. The mate of q is the
+// velocity that moves it most, among those of its part that have no mate yet.
 static void find_length(pm_logger_samples *w, int q) {
     pm_logger_view *view = w->view;
     const pm_unit second = pm_unit_parse("s");
@@ -567,8 +568,8 @@ static bool is_coenergy(const pm_logger_column *c) {
            c->kind != PM_LOGGER_AMOUNT;
 }
 
-// Returns how an input may act on a variable by its unit: with the factor 1, as heat or as a bath;
-// a factor that is learned where units do not say.
+// Returns how an input may act on a variable, as their units tell: with the factor 1, as heat, or
+// as a bath. If the units do not tell, the factor is learned.
 static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger_column *target) {
     const pm_unit power = pm_unit_product(&input->dimension, &target->dimension);
     const pm_unit number = pm_unit_parse("1");
@@ -597,10 +598,10 @@ static bool is_learned(pm_logger_effect effect) {
     return effect == PM_LOGGER_GAIN || effect == PM_LOGGER_WARMS;
 }
 
-// Returns the co-energy on which an input of known power acts with the factor 1, or, if none
-// answers with the input's sign, with the factor -1, as a load does: of those whose unit allows it,
-// the one that clearly answers at once where the input jumps, or else the one whose changes it
-// explains best; -1: none.
+// Returns the co-energy on which an input of known power acts, or -1. Its unit must allow it. A
+// co-energy that clearly answers at once where the input jumps comes first, then the one whose
+// changes the input explains best. The factor is 1, or -1, as of a load, if none answers with the
+// input's sign.
 static int driven_by(const pm_logger_view *view, int u) {
     int best = -1, sharpest = -1;
     bool along = false;
@@ -619,9 +620,9 @@ static int driven_by(const pm_logger_view *view, int u) {
     return sharpest >= 0 ? sharpest : best;
 }
 
-// Finds the variables on which each input acts: those that its unit allows, if there are any, and
-// whose changes it explains. An input drives one variable; others that it moves it may move through
-// an inertia that they share, so that its factor for them is learned.
+// Finds the variables on which each input acts: those whose changes it explains and, if there are
+// any, whose unit allows it. An input drives one variable. Its factor for all others is learned,
+// because it may move them through an inertia that they share with the first.
 static void find_actions(pm_logger_view *view) {
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *cell =
@@ -673,8 +674,9 @@ static void find_actions(pm_logger_view *view) {
             }
         }
     }
-    // Beside a hidden temperature, which is first taken from the rate of another one, regressions
-    // do not tell which of them a bath reaches: it reaches all of the part.
+    // The first estimate of a hidden temperature comes from the rate of another one, so that
+    // regressions cannot tell which of both a bath reaches. It then reaches all temperatures of the
+    // part.
     for (int h = 0; h < view->nvariable; ++h) {
         const pm_logger_column *hidden = &view->column[h];
         const bool hides = hidden->behind >= 0 && hidden->kind == PM_LOGGER_TEMPERATURE;
@@ -770,15 +772,15 @@ static double response(const pm_logger_view *view, int i, int j) {
     return view->share[i][j] > COUPLED ? view->coupling[i][j] : 0;
 }
 
-// Returns how temperature t moves flow i. One that the flow changes clearly may move it faintly,
-// since both go through the same entry of L.
+// Returns how temperature t moves flow i. A faint effect counts if the flow clearly changes the
+// temperature, because both effects come from the same entry of L.
 static double push(const pm_logger_view *view, int i, int t) {
     return response(view, t, i) != 0 && view->share[i][t] > FAINT ? view->coupling[i][t] : 0;
 }
 
-// Heat and motion exchange energy: temperature t changes flow i by `pushes` and the other way round
-// by `cools`. This fixes how large the inertias of flows are beside the capacities of temperatures:
-// those that nothing shows yet follow from the others.
+// Joins the scales of heat and motion. Temperature t changes flow i by `pushes`, and flow i changes
+// temperature t by `cools`. Both come from one entry of L, which fixes the ratio of inertias and
+// heat capacities. The scale that nothing has shown yet follows from the other one.
 static void join_scales(pm_logger_view *view, int i, int t, double pushes, double cools) {
     const pm_logger_column *T = &view->column[t];
     const double moved = T->inertia * fabs(cools / (T->mean * pushes));
@@ -796,9 +798,9 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     }
 }
 
-// Finds how motion and flows exchange energy with heat. A flow carries entropy where a difference
-// of two temperatures drives it, and it cools one and warms the other; a piston between two gases
-// does so, too, and carries none.
+// Finds how motion and flows exchange energy with heat. A flow carries entropy if a difference of
+// two temperatures drives it and if it cools one and warms the other. A piston between two gases
+// does the same, but carries no entropy.
 static void find_exchange(pm_logger_view *view) {
     for (int i = 0; i < view->nvariable; ++i) {
         for (int a = 0; a < view->nvariable && view->column[i].kind == PM_LOGGER_FLOW; ++a) {
@@ -846,8 +848,8 @@ static void find_exchange(pm_logger_view *view) {
     }
 }
 
-// Nothing shows the scale of a hidden force: takes the one in which the force and the co-energy
-// that it moves go through one entry of L.
+// Chooses the scale of a hidden force, which no data show, such that the force and the co-energy
+// that it moves are coupled by one entry of L.
 static void scale_force(pm_logger_samples *w, int c) {
     pm_logger_view *view = w->view;
     const int y = view->column[c].behind;
@@ -859,13 +861,15 @@ static void scale_force(pm_logger_samples *w, int c) {
     }
 }
 
-// Finds with which inertia, or capacity, of each co-energy a fit begins: that by which an input of
-// known power acts, or that which makes couplings of two co-energies equal and opposite.
+// Finds the inertia, or capacity, of each co-energy with which a fit begins. It follows from the
+// answer to an input of known power, or from a coupling of two co-energies, which must be equal and
+// opposite.
 static void find_scales(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     bool known[PM_LOGGER_COLUMNS] = {false};
-    // Nothing shows the size of what is hidden behind a column, but for a temperature: its inertia
-    // is the unit, and an input of known power fixes how large it is.
+    // No data show the scale of a hidden variable, unless it is a temperature. Its inertia is
+    // therefore the unit. If an input of known power acts on it, the values of the variable are
+    // scaled accordingly.
     for (int c = 0; c < view->nvariable; ++c) {
         const bool hidden = view->column[c].behind >= 0;
         view->column[c].free_scale =
@@ -1156,7 +1160,7 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
                                   view->coupling[i][j] * view->coupling[j][i] < 0;
         }
     }
-    // What a port between parts may do: conduct heat, let fluid fall, and couple co-energies of
+    // Find what the ports do: they conduct heat, let fluid fall, and couple co-energies of
     // different kinds.
     for (int i = 0; i < view->nvariable; ++i) {
         const pm_logger_column *a = &view->column[i];

@@ -57,9 +57,10 @@ typedef enum pm_logger_guess {
     PM_LOGGER_CELL_1,
     PM_LOGGER_CELL_2,
     PM_LOGGER_NGUESS,
-    // An input that sets how strongly two variables exchange something (pm_logger_converter), with
-    // what it does as found beside that, or alone; and a temperature with which the flow of another
-    // input enters a variable. The two columns are told by pm_logger_join.
+    // The input sets how strongly two variables exchange something (pm_logger_converter): OPENS
+    // beside the effect that was found for it, OPENS_ALONE instead of it. ENTERS: the input is the
+    // temperature with which the flow of another input enters a variable. pm_logger_join adds the
+    // numbers of the two columns.
     PM_LOGGER_OPENS = PM_LOGGER_PAIRS,
     PM_LOGGER_OPENS_ALONE = 2 * PM_LOGGER_PAIRS,
     PM_LOGGER_ENTERS = 3 * PM_LOGGER_PAIRS,
@@ -99,8 +100,8 @@ typedef struct pm_logger_column {
     int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
     int part;            // of variables; -1: an input
     pm_logger_guess guess; // of measured variables
-    // These are what else a variable may be, or an input do, in the order in which they are
-    // believed; `clear` tells whether the first of them is tried before what is found.
+    // Other guesses about the variable or the input, the likeliest first. With `clear` the first of
+    // them is tried before the guess that regressions gave.
     int nother;
     pm_logger_guess other[PM_LOGGER_NGUESS];
     bool clear;
@@ -108,8 +109,9 @@ typedef struct pm_logger_column {
     double least, largest, mean, deviation; // in its unit
     double noise;                           // standard deviation of white noise; 0: none is seen
     bool saturates;                         // its sensor shows no more than `largest`
-    // Of co-energies: the derivative of their energy variable with which a fit begins, and whether
-    // no input fixes its size. Then it is the unit of all energies that depend on it.
+    // Co-energies: `inertia` is the derivative of the energy variable by the co-energy with which a
+    // fit begins. If no input fixes its size, `free_scale` is true, and it is the unit of all
+    // energies that depend on it.
     double inertia;
     bool free_scale;
     // A hidden charge whose voltage dE/dq is measured only behind a resistance: `seen` is the
@@ -125,8 +127,8 @@ typedef struct pm_logger_column {
     bool feeds;                        // a level from which fluid falls into another part
     bool rubs;   // a co-energy that loses energy to one of another part; its part takes up the heat
     bool spills; // a level whose vessel has a brim
-    // A co-energy loses energy; its resistance depends on it; its inductance or capacity does: as
-    // regressions show.
+    // What regressions show of a co-energy: damped, it loses energy; curved, its resistance depends
+    // on it; bent, its inductance or capacity depends on it.
     bool damped, curved, bent;
     double constant;    // the rate that depends on nothing, in its unit per s
     double unexplained; // part of its changes that no column explains, itself included
@@ -154,8 +156,9 @@ typedef struct pm_logger_action {
     int enters;  // likewise: the input that is this temperature; 0: it is `bath`
 } pm_logger_action;
 
-// An input whose product with one co-energy moves another one, and the other way round: without
-// loss, as in a switched converter, or with loss between two of one kind, as through a throttle.
+// An input that couples two co-energies: its product with each of them moves the other one.
+// Co-energies of different kinds are coupled without loss, as in a switched converter, and two of
+// one kind with loss, as by a throttle.
 typedef struct pm_logger_converter {
     int input, one, other;
     bool loses;
@@ -221,14 +224,16 @@ typedef struct pm_logger_view {
     double bath;         // K: the temperature of the surroundings
     bool leaks[PM_LOGGER_COLUMNS];  // temperatures that tend towards the surroundings
     double leak[PM_LOGGER_COLUMNS]; // 1/s: how fast
-    // [i][j], i < j: how much of co-energy j is added to i in the energy of i, since an input moves
-    // both through an inertia that they share, as that of two coils; 0: nothing.
+    // [i][j], i < j: the factor k with which co-energy j is added to i in the energy a (i + k
+    // j)^2/2. Such co-energies share an inertia, like two coils, so that an input to one moves
+    // both. 0: they share none.
     double mutual[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [q][v] how velocity v, beside its mate, changes position q, such as the length of a spring
     // between two bodies; 0: not at all.
     double moves[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
-    // [i][j] a spring between two positions of a part pulls lever*i - j, with a lever other than 1
-    // where a belt or a gear is between them; 0: there is none. [j][i] is the inverse.
+    // [i][j] the lever of a spring between two positions of a part, whose length is lever*i - j. A
+    // belt or a gear between them makes the lever differ from 1. 0: there is no spring. [j][i] is
+    // the inverse.
     double lever[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j] the largest |lever*i - j| of two positions, with a lever of 1 where there is no spring
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
@@ -284,8 +289,8 @@ static inline bool pm_logger_has_tide(const pm_logger_view *view, const pm_logge
     return (spin == one && orbit == other) || (spin == other && orbit == one);
 }
 
-// Returns true if nothing shows yet how large heat capacities are: that of one temperature, to
-// which those of others are relative, is the unit.
+// Returns true if nothing shows yet how large heat capacities are. The heat capacity of one
+// temperature is then the unit of all others.
 static inline bool pm_logger_heat_is_free(const pm_logger_view *view) {
     bool free = false;
     for (int k = 0; k < view->nvariable; ++k) {
@@ -295,8 +300,8 @@ static inline bool pm_logger_heat_is_free(const pm_logger_view *view) {
     return free;
 }
 
-// Multiplies the heat capacities of all temperatures, whose scale is known from then on, and what
-// acts on them.
+// Multiplies the heat capacities of all temperatures, and what acts on them, by a factor that fixes
+// their scale.
 static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
     for (int k = 0; k < view->nvariable; ++k) {
         pm_logger_column *c = &view->column[k];
@@ -311,8 +316,8 @@ static inline void pm_logger_scale_heat(pm_logger_view *view, double factor) {
     }
 }
 
-// Multiplies the inertias of all other co-energies and what acts on them, if the inertia of a
-// measured one was the unit. Their scale is known from then on.
+// Multiplies the inertias of all co-energies but temperatures, and what acts on them, by a factor
+// that fixes their scale. Does nothing unless the inertia of a measured one was the unit.
 static inline void pm_logger_scale_motion(pm_logger_view *view, double factor) {
     bool free = false;
     for (int k = 0; k < view->nvariable; ++k) {
@@ -355,8 +360,8 @@ static inline const pm_logger_column *pm_logger_base(const pm_logger_view *view,
     return base;
 }
 
-// Returns true if a belt or a gear joins two velocities, since a spring with a lever joins their
-// positions.
+// Returns true if a belt or a gear joins two velocities, which is the case if a spring with a lever
+// joins their positions.
 static inline bool pm_logger_is_geared(const pm_logger_view *view, int i, int j) {
     const int q = view->column[i].mate, p = view->column[j].mate;
     return q >= 0 && p >= 0 && view->column[i].kind == PM_LOGGER_FLOW &&
@@ -408,8 +413,8 @@ static inline int pm_logger_leader(const pm_logger_view *view, int q) {
     return first;
 }
 
-// Returns true if the inertia of velocity v is constant, since it guides positions or turns into
-// other velocities.
+// Returns true if the inertia of velocity v is taken as constant. This holds for velocities that
+// guide positions and for those that turn into other velocities.
 static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
     bool found = false;
     for (int k = 0; k < view->nvariable; ++k) {
@@ -418,8 +423,8 @@ static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
     return found;
 }
 
-// Returns true if regressions do not show that the inertia of a velocity depends on positions,
-// while it may.
+// Returns true if the inertia of a velocity may depend on positions although regressions do not
+// show it.
 static inline bool pm_logger_hides_turning(const pm_logger_view *view, int c) {
     const pm_logger_column *y = &view->column[c];
     return y->kind == PM_LOGGER_FLOW && y->mate >= 0 && !view->column[y->mate].guided &&

@@ -8,15 +8,15 @@
 
 #include "base/linalg.h"
 
-// The examined states: more change no figure that is printed, and cost time. MARGIN states at
-// either end of a trajectory are needed for central differences of fourth order.
+// At most MOST_STATES states are examined; more would cost time and change no figure that is
+// printed. Central differences of fourth order need MARGIN states at either end of a trajectory.
 #define MOST_STATES 6000
 #define FEWEST_CALM 0.2 // of the states, away from jumps of inputs, that suffice
 #define MARGIN 2
 static const double difference[2 * MARGIN + 1] = {1.0 / 12, -8.0 / 12, 0, 8.0 / 12, -1.0 / 12};
 
-// A ridge on normal equations, relative to the diagonal, for terms that depend on each other
-// linearly; and what keeps a row of zeros from being singular.
+// RIDGE is a ridge on normal equations, relative to the diagonal, for terms that depend on each
+// other linearly. TINY keeps a row of zeros from being singular.
 #define RIDGE 1e-10
 #define TINY 1e-300
 // Of an input: length of what is new in it, relative to its size. Less than that is rounding.
@@ -34,7 +34,8 @@ _Static_assert(EVEN_TERMS + PM_LOOK_SOURCES + 2 <= PM_MAX_TERMS, "a regression h
 #define MOST_COMPONENTS 16
 #define INDEPENDENT 1e-8
 
-// The regression that shows a decay. A derivative counts if it is so many standard errors from 0.
+// The regression that looks for a decay has at most DECAY_TERMS terms. A derivative counts if it is
+// SIGNIFICANT standard errors from 0.
 #define DECAY_TERMS 80
 #define SIGNIFICANT 5
 _Static_assert(DECAY_TERMS <= PM_MAX_TERMS, "a regression has room for all terms of the decay");

@@ -197,8 +197,8 @@ static void close_strength(const pm_draft *d, pm_answer answer) {
     }
 }
 
-// Adds what drives each process to the features of a strength. The logarithm shows powers, the sign
-// what lets through one way alone, as a valve or a diode.
+// Adds the force that drives each process to the features of a strength. With its logarithm the
+// network learns powers, and with its sign processes that run one way alone, as a valve or a diode.
 static void add_forces(list *l) {
     add_name(l, "", "force");
     fprintf(l->file, ", \"ln(force)\"");
@@ -848,8 +848,8 @@ static void write_port_reversible(const port_draft *p, int port) {
         return;
     }
     if (given) {
-        // The pairs whose coefficients the data show, the guessed ones as constants that are to be
-        // learned. Friction accounts for the rest.
+        // Write the pairs whose coefficients the data show. Coefficients that are only guessed
+        // become learned constants. Friction accounts for the rest.
         int nlever = 0;
         for (int i = 0; i < view.count; ++i) {
             if (view.pair[i].guessed) {
@@ -938,7 +938,8 @@ static void write_port_irreversible(port_draft *p, int port) {
     const int npair = pm_draft_exchange(d, port, partner);
     const bool exchange =
         npair > 0 && d->p->form == PM_HARD && ask_port(p, PM_ASK_FRICTION) == PM_EXCHANGE;
-    // What is dissipated: first what both ends exchange, then the rest, then the entropies.
+    // List the variables that are dissipated: first those that both ends exchange, then the others,
+    // then the entropies.
     bool first[2][PM_MAX_GROUPS] = {{false}}, rest[2][PM_MAX_GROUPS];
     memcpy(rest, p->losses, sizeof rest);
     for (int g = 0; g < p->shown[0]->ngroup && exchange; ++g) {

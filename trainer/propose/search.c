@@ -365,7 +365,8 @@ static double seconds_of(const hypothesis_search *s, const pm_fit_effort *e, dou
     return one * (START_ITERATIONS + e->iterations + steps);
 }
 
-// Returns the effort of a fit of so many weights that takes about so long, or the least one.
+// Returns the effort of a fit of `weights` weights that takes about `seconds`, or the least effort
+// if that takes longer.
 static pm_fit_effort effort_for(const hypothesis_search *s, int weights, double seconds,
                                 int stages) {
     const int wanted = RESIDUALS_PER_WEIGHT * weights / s->nz;
@@ -419,8 +420,8 @@ static pm_status weigh(hypothesis_search *s, const int *vector, int *weights) {
     return PM_OK;
 }
 
-// Tries the candidates which [count] by fits of about so many seconds each, two at a time, until a
-// fit would not end in the nominal time that is left.
+// Tries the candidates which [count] by fits of about `seconds` each, two at a time. Stops when the
+// nominal time that is left does not suffice for another fit.
 static pm_status run(hypothesis_search *s, int count, const int *which, int stages,
                      double seconds) {
     const double most = s->how->most;

@@ -15,7 +15,8 @@
 #define SHORTEST 4 // samples of the first windows, if they can be integrated
 // Gaps count like residuals of this many deviations of the noise at first.
 #define FIRST_GAP 3.0
-// Tracks of the first windows: at least so many, and so many measurements for each weight.
+// The first windows cover at least FEWEST_TRACKS tracks, with at least MEASUREMENTS_PER_WEIGHT
+// measurements for each weight.
 #define FEWEST_TRACKS 4
 #define MEASUREMENTS_PER_WEIGHT 20
 #define GAP_FALLS 0.3 // factor from point to point

@@ -9,7 +9,7 @@
 
 #include "model/solid/solid.h"
 
-// The pairs of displacements and forces of which the balance keeps at most so many.
+// The balance of forces keeps at most this many pairs of displacements and forces.
 #define PM_SOLID_PAIRS 12
 
 // The number of displacements that the prediction of the next ones uses.

@@ -112,8 +112,8 @@ pm_status pm_body_assembly_find_interfaces(pm_body_assembly *a) {
         }
     }
     a->ninterface = count;
-    // The contact nodes of a solid: those whose displacements the quantities of its interfaces
-    // contain.
+    // Find the contact nodes of each solid: the nodes whose displacements occur in the openings and
+    // slips of its interfaces.
     for (int i = 0; i < a->nbody; ++i) {
         if (!pm_body_assembly_is_solid(a, i)) {
             continue;
