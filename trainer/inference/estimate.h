@@ -66,9 +66,10 @@ pm_box pm_estimate_errors(const pm_estimate *e, const pm_observation *o, const p
 double pm_estimate_unexplained(const pm_estimate *e, const pm_observation *o,
                                const pm_dataset *dataset, const int *which, double seconds,
                                int column, double noise);
-// Returns the median distance of the measurements of a column after `seconds` from their
-// predictions, in units of the mean distance of all measurements from their median, over all
-// trajectories, both as standard deviations of a normal distribution. A few outliers hardly count.
+// Returns the typical error of the predictions of a column after `seconds`, relative to the
+// deviation of the column, over all trajectories. The error follows from the median of the absolute
+// errors, and the deviation from the mean distance of the measurements from their median. Both are
+// scaled to the standard deviation of a normal distribution, so that a few outliers hardly count.
 // NAN: there are no measurements, or memory ran out.
 double pm_estimate_typical_error(const pm_estimate *e, const pm_observation *o,
                                  const pm_dataset *dataset, const int *which, double seconds,

@@ -51,8 +51,8 @@ typedef struct pm_hypotheses {
     // its data.
     pm_status (*write)(void *context, const int *chosen, const char *comment, const char *path);
     void *context;
-    // Set while the file of the winner is written, to the name of the file beside it with which its
-    // fit starts, where a short fit of the winner has left its weights; or NULL.
+    // While the file of the winner is written, *start is the name of the file beside it that holds
+    // the weights of the winner's short fit, or NULL if there is none. `start` itself may be NULL.
     const char **start;
 } pm_hypotheses;
 

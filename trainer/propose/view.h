@@ -74,9 +74,9 @@ static inline int pm_part_view_find(const pm_part_view *view, const char *name) 
     return g;
 }
 
-// Returns true if the lossless coupling of this group of a subsystem with others may be more than
-// its conjugate pair: it changes in the data, and it is no entropy, no position whose rate depends
-// on momenta alone, no angular momentum of three components and no direction that turns with one.
+// Returns true if other groups than its conjugate one may move this group without loss. It must
+// change in the data. Excluded are entropies, positions whose rates depend on momenta alone,
+// angular momenta of three components, and directions that turn with one of these.
 bool pm_view_may_couple(const pm_part_view *view, int group);
 
 // How the angular momentum behaves, the sum of q x p over conjugate pairs of vectors and of what
