@@ -270,8 +270,10 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
     }
     pm_cholesky_back(s->nweight, s->blocks.reduced, s->nweight, inverse);
     pm_shooting_weights(s, away);
-    for (size_t i = 0; i < n; ++i) { // a logarithm along its tangent
-        away[i] = optional[i] == PM_LOGARITHM_OPTIONAL ? 1 : away[i];
+    // How far weights are from zero where the model has its minimum: logarithms along their
+    // tangent.
+    for (size_t i = 0; i < n; ++i) {
+        away[i] = (optional[i] == PM_LOGARITHM_OPTIONAL ? 1 : away[i]) + step[i];
     }
     for (int i = 0; i < s->tracks->count; i += s->stride) {
         count += (double)s->tracks->track[i].count * s->ny;
@@ -280,7 +282,8 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
         size_t least = n;
         double rise = log(count) / 2;
         for (size_t k = 0; k < n; ++k) {
-            const double own = away[k] * away[k] / (2 * inverse[k * (n + 1)]);
+            const bool beyond = optional[k] == PM_LOGARITHM_OPTIONAL && away[k] < 0; // of zero
+            const double own = beyond ? 0 : away[k] * away[k] / (2 * inverse[k * (n + 1)]);
             if (optional[k] != PM_WEIGHT_NEEDED && spare[k] == 0 && own < rise) {
                 least = k;
                 rise = own;

@@ -48,8 +48,9 @@
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
-// Prints what was found, one line for each column.
-static void describe(const pm_logger_view *v) {
+// Prints what was found, one line for each column. `found` are the constants of a law without those
+// that are spare, or NULL: what its inputs might have moved is named.
+static void describe(const pm_logger_view *v, const char *found) {
     static const char *const kinds[] = {"a position",
                                         "a co-energy",
                                         "a temperature",
@@ -145,6 +146,14 @@ static void describe(const pm_logger_view *v) {
             printf("; nothing shows its scale, which is 1");
         }
         printf("%s\n", column->held ? "; held between samples" : "");
+    }
+    for (const char *line = found; line != NULL && *line != '\0'; line = strchr(line, '\n') + 1) {
+        const char *gain = strstr(line, ".gain_"), *end = strchr(line, '\n');
+        const char *mark = strstr(line, PM_SEARCH_SPARE), *value = strchr(line, '=');
+        if (gain != NULL && gain < end && mark != NULL && mark < end && value != NULL) {
+            printf("%.*s is left out, since the data do not need it\n", (int)(value - gain - 1),
+                   gain + 1);
+        }
     }
     for (int k = 0; k < v->nidle; ++k) {
         const int *part = v->idle[k];
@@ -885,7 +894,12 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
     looked = true;
     take_choices(&draft.view, search->chosen[search->best]);
-    describe(&draft.view);
+    if (pm_logger_is_measured(&draft.view)) {
+        draft.found = search->start;
+        draft.lean = draft.found != NULL && search->lean[search->best];
+        draft.ended = draft.found != NULL && error_of(search, search->best) < SMALL_ERROR;
+    }
+    describe(&draft.view, draft.lean ? draft.found : NULL);
     name_inputs(&draft.view);
     draft.data_path = data;
     draft.coarse = search->trial[search->best].score.coarse;
@@ -893,11 +907,6 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
-    if (pm_logger_is_measured(&draft.view)) {
-        draft.found = search->start;
-        draft.lean = draft.found != NULL && search->lean[search->best];
-        draft.ended = draft.found != NULL && error_of(search, search->best) < SMALL_ERROR;
-    }
     PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
