@@ -40,7 +40,7 @@ static void what_is_zero_vanishes(void **state) {
     pm_arena_free(&arena);
 }
 
-// What is no formula, or has no value without the names, stays as it is.
+// A text that is no formula, or that has no value without the names, stays as it is.
 static void the_rest_stays(void **state) {
     (void)state;
     static const char *const cases[] = {"", "scene.yaml of a", "(a", "a b", "a/z", "ln(z)", "|x"};

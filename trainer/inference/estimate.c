@@ -429,7 +429,7 @@ static pm_status find_coarseness(pm_estimate *e, pm_system *system, const pm_obs
             square += y * y;
             away += d * d;
             n += finite;
-            // Where half of the steps are short enough and these are not, they cost everything.
+            // If predictions are finite with half of the steps alone, the steps cost everything.
             e->coarse = isfinite(fine.y[i]) && !isfinite(e->y[i]) ? INFINITY : e->coarse;
         }
         const double variance = n > 0 ? square / n - sum / n * (sum / n) : 0;

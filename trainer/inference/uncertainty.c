@@ -283,8 +283,11 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
         double rise = log(count) / 2;
         for (size_t k = 0; k < n; ++k) {
             const bool beyond = optional[k] == PM_LOGARITHM_OPTIONAL && away[k] < 0; // of zero
-            const double own = beyond ? 0 : away[k] * away[k] / (2 * inverse[k * (n + 1)]);
-            if (optional[k] != PM_WEIGHT_NEEDED && spare[k] == 0 && own < rise) {
+            const double variance = inverse[k * (n + 1)];
+            const double own = beyond ? 0 : away[k] * away[k] / (2 * variance);
+            // A weight without variance follows from others that are zero already.
+            const bool may = optional[k] != PM_WEIGHT_NEEDED && spare[k] == 0 && variance > 0;
+            if (may && own < rise) {
                 least = k;
                 rise = own;
             }

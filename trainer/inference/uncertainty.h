@@ -43,8 +43,7 @@ double pm_uncertainty_independent(const pm_shooting *s, int column, double *size
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
 void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 
-// What is known of a weight: whether it may be zero, or the positive number of which it is the
-// logarithm.
+// A weight is needed, or it may be zero, or it is the logarithm of a number that may be zero.
 typedef enum pm_optional_weight {
     PM_WEIGHT_NEEDED,
     PM_WEIGHT_OPTIONAL,

@@ -41,7 +41,8 @@
 #define DRIVEN 0.05
 #define ACTS 2e-3
 #define CLOSE 5e-4 // error of a short fit to clean states below which no other law is tried
-// What is left out may raise the error by this factor. It is halved until it is fewer.
+// A law without spare constants may have an error that is larger by the factor HARDLY_WORSE. If it
+// is worse, half as many are left out, until they are fewer than FEWEST_LEFT_OUT.
 #define HARDLY_WORSE 1.1
 #define FEWEST_LEFT_OUT 8
 #define DECIMAL 10
@@ -457,6 +458,7 @@ static pm_status add_laws(hidden_search *s, int most) {
     return PM_OK;
 }
 
+// Returns true if the budget is spent.
 static bool is_late(const hidden_search *s) {
     return s->spent >= s->hints->budget || s->used >= PM_SEARCH_SLOW * s->hints->budget;
 }
@@ -700,7 +702,7 @@ static pm_status confirm(hidden_search *s) {
             effort.whole = s->found[last] != NULL && !s->short_of_time;
             status = pm_search_try(&space, 1, vector, &effort, SAFETY * LEAST + ENDED, NULL,
                                    s->hints->stop, &s->trial[last], &s->used);
-            // What takes long has begun to fit.
+            // A trial that is stopped for its time has not failed to integrate.
             fits = !s->trial[last].failed || s->trial[last].unfinished;
             s->start = s->found[last];
         }

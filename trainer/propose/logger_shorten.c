@@ -49,7 +49,7 @@ static const char *operand(reader *r, part p, binding least) {
 }
 
 static part join(reader *r, part a, const char *sign, part b, binding of) {
-    // What begins with a sign stands in brackets behind an operation.
+    // An operand that begins with a sign stands in brackets behind an operation.
     const char *right = operand(r, b, b.text != NULL && *b.text == '-' ? OF_OPERAND : of + 1);
     return (part){pm_arena_printf(r->arena, "%s%s%s", operand(r, a, of), sign, right), of, NAN};
 }
@@ -204,11 +204,11 @@ const char *pm_logger_shorten(pm_arena *arena, const char *body, int count,
                               const char *const *zero) {
     static const char item[] = "      - ", nothing[] = "      - \"0\"";
     char *text = NULL, *last = NULL;
-    size_t size = 0;
+    size_t size = 0, length = 0;
     FILE *f = open_memstream(&text, &size);
     bool within = false; // a list of terms, of which one has been written
     for (const char *line = body, *end; f != NULL && *line != '\0'; line = end) {
-        FILE *one = open_memstream(&last, &size);
+        FILE *one = open_memstream(&last, &length);
         end = strchr(line, '\n') + 1;
         for (const char *at = line; at < end && one != NULL;) {
             const char *quote = memchr(at, '"', (size_t)(end - at));

@@ -127,8 +127,8 @@ typedef struct pm_logger_column {
     bool feeds;                        // a level from which fluid falls into another part
     bool rubs;   // a co-energy that loses energy to one of another part; its part takes up the heat
     bool spills; // a level whose vessel has a brim
-    // What regressions show of a co-energy: damped, it loses energy; curved, its resistance depends
-    // on it; bent, its inductance or capacity depends on it.
+    // Regressions show whether a co-energy loses energy (damped), whether its resistance depends on
+    // it (curved), and whether its inductance or capacity does (bent).
     bool damped, curved, bent;
     double constant;    // the rate that depends on nothing, in its unit per s
     double unexplained; // part of its changes that no column explains, itself included
