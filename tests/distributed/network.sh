@@ -61,7 +61,7 @@ goes_on() {
     goes_step=${2-}
     shift $(($# > 1 ? 2 : 1))
     wait_until "$portmetd" resume "$goes_scene" ${goes_step:+--steps "$goes_step"} --quiet "$@" 2>>"$folder/clients" ||
-        fail "$goes_scene: nobody lets it go on"
+        fail "$goes_scene: nobody lets it go on: $(tail -n 1 "$folder/clients")"
 }
 
 # says NAME PATTERN: whether its errors have such a line.

@@ -47,7 +47,7 @@ choices() {
         srand(seed)
         for (i = 0; i < kills; i++) {
             who = int(9 * rand())
-            printf "%d:%s:%s ", int(steps * (i + rand()) / (kills + 1)), i % 2 ? "held" : "moving",
+            printf "%d:%s:%s ", 1 + int((steps - 1) * (i + rand()) / (kills + 1)), i % 2 ? "held" : "moving",
                 who == 8 ? "coordinator" : "p" who
         }
     }'

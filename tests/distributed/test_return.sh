@@ -91,7 +91,7 @@ choices() {
         srand(seed)
         split("link1 link2 link3 coordinator", who, " ")
         for (i = 0; i < kills; i++) {
-            hold = int(steps * (i + rand()) / (kills + 1))
+            hold = 1 + int((steps - 1) * (i + rand()) / (kills + 1))
             when = i % 2 ? "held" : sprintf("%.3f", 0.03 * rand())
             printf "%d:%s:%s ", hold, when, who[1 + int(4 * rand())]
         }
