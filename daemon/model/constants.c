@@ -18,7 +18,7 @@ pm_status pm_constants_declare(const pm_constants *c, pm_params *params) {
             return pm_fail(PM_ECONFIG, "more than %d constants are to be learned", PM_MAX_LEARNED);
         }
         char name[PM_MAX_NAME + 16];
-        snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, c->name[i]);
+        snprintf(name, sizeof name, PM_CONSTANT_PREFIX "%.*s", PM_MAX_NAME, c->name[i]);
         const double start = c->learned[i] == PM_CONSTANT_POSITIVE ? log(c->value[i]) : c->value[i];
         PM_TRY(c->shared != NULL && c->shared[i]
                    ? pm_params_add_shared(params, name, start)
@@ -34,7 +34,7 @@ void pm_constants_add(const pm_constants *c, pm_graph *g, const pm_params *param
             continue;
         }
         char name[PM_MAX_NAME + 16];
-        snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, c->name[i]);
+        snprintf(name, sizeof name, PM_CONSTANT_PREFIX "%.*s", PM_MAX_NAME, c->name[i]);
         const pm_param_entry *entry = g == NULL ? NULL : pm_params_find(params, name);
         pm_node node = entry == NULL ? PM_NO_NODE : pm_weight(g, entry->value, 1, 1);
         if (entry != NULL && c->learned[i] == PM_CONSTANT_POSITIVE) {

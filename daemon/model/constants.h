@@ -5,8 +5,18 @@
 #ifndef PM_MODEL_CONSTANTS_H
 #define PM_MODEL_CONSTANTS_H
 
+#include <string.h>
+
 #include "model/feature.h"
 #include "model/params.h"
+
+#define PM_CONSTANT_PREFIX "constant."
+
+// Returns the name of the constant that a parameter holds; NULL: it holds none.
+static inline const char *pm_constant_name(const char *parameter) {
+    const size_t length = strlen(PM_CONSTANT_PREFIX);
+    return strncmp(parameter, PM_CONSTANT_PREFIX, length) == 0 ? parameter + length : NULL;
+}
 
 // Declares the parameters of all learned constants, with their starting values. `constants` may be
 // NULL. PM_ECONFIG: there are too many; PM_ENOMEM.

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "model/constants.h"
 #include "model/dissipation.h"
 
 // Keeps the projection finite where the normal vanishes and there is nothing to project out.
@@ -887,7 +888,7 @@ pm_status pm_operator_declare(const pm_operator *op, const pm_site *site, pm_par
         const pm_constants *constants = formula->text == NULL ? NULL : formula->constants;
         for (int i = 0; constants != NULL && i < constants->count; ++i) {
             char name[PM_MAX_NAME + 16];
-            snprintf(name, sizeof name, "constant.%.*s", PM_MAX_NAME, constants->name[i]);
+            snprintf(name, sizeof name, PM_CONSTANT_PREFIX "%.*s", PM_MAX_NAME, constants->name[i]);
             pm_param_entry *entry = pm_params_find(params, name);
             if (entry != NULL && strstr(formula->text, constants->name[i]) != NULL) {
                 entry->late = PM_LATE;

@@ -85,7 +85,9 @@ typedef struct pm_constants {
     const double *value;
     const pm_constant_kind *learned; // NULL: all are known
     const bool *shared;              // learned once for all components that name it; NULL: none is
-    const bool *optional;            // what it multiplies may not be there at all; NULL: none is
+    // What it multiplies may not be there at all, and without it the constants in this text mean
+    // nothing: "", or " NAME NAME ... "; NULL: it is needed. NULL list: all are.
+    const char *const *optional;
 } pm_constants;
 
 // A known expression of named groups and constants (formula.h).

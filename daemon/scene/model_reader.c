@@ -452,23 +452,43 @@ static pm_status read_derived(pm_yaml block, pm_arena *arena, pm_derived_spec *d
 
 // --- constants ---
 
+// Reads whether a constant is optional: true, false, or a list of constants that mean nothing
+// without it.
+static pm_status read_optional(pm_yaml value, pm_arena *arena, const char **optional) {
+    int count = 0;
+    const char **name = NULL;
+    bool is = false;
+    if (!pm_yaml_is_list(value)) {
+        PM_TRY(pm_yaml_exists(value) ? pm_yaml_bool(value, &is) : PM_OK);
+        *optional = is ? "" : NULL;
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_texts(value, arena, &count, &name));
+    *optional = " ";
+    for (int i = 0; i < count; ++i) {
+        *optional = pm_arena_printf(arena, "%s%s ", *optional, name[i]);
+    }
+    return check_memory(arena);
+}
+
 // Reads a constant: a number, or {learned: start, positive: true, shared: true, optional: true}.
 static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
-                               pm_constant_kind *kind, bool *shared, bool *optional) {
+                               pm_constant_kind *kind, bool *shared, const char **optional) {
     *kind = PM_CONSTANT_KNOWN;
     if (!pm_yaml_is_map(value)) {
         return pm_yaml_double(value, -INFINITY, INFINITY, number);
     }
     bool positive = false;
-    pm_yaml start, once;
+    pm_yaml start, once, may;
     const pm_yaml_key keys[] = {{PM_YAML_VALUE("learned", &start), .required = true},
                                 {PM_YAML_BOOL("positive", &positive)},
                                 {PM_YAML_VALUE("shared", &once)},
-                                {PM_YAML_BOOL("optional", optional)},
+                                {PM_YAML_VALUE("optional", &may)},
                                 {0}};
     PM_TRY(pm_yaml_read(value, arena, keys));
     PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
     PM_TRY(pm_yaml_exists(once) ? pm_yaml_bool(once, shared) : PM_OK);
+    PM_TRY(read_optional(may, arena, optional));
     *kind = positive ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
     if (*shared && !positive) {
         return pm_yaml_fail(once, "only a positive constant is shared");
@@ -506,7 +526,7 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
     double *value = pm_arena_array(arena, most, sizeof *value);
     pm_constant_kind *learned = pm_arena_array(arena, most, sizeof *learned);
     bool *shared = pm_arena_array(arena, most, sizeof *shared);
-    bool *optional = pm_arena_array(arena, most, sizeof *optional);
+    const char **optional = pm_arena_array(arena, most, sizeof *optional);
     PM_TRY(check_memory(arena));
     int count = 0;
     for (int m = 0; m < 2; ++m) {

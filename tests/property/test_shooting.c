@@ -371,7 +371,7 @@ static void weights_are_spare(void **state) {
     bench_open(&b, 8, "rk4", SAMPLES);
     pm_shooting *s = &b.shooting;
     const int n = s->nweight;
-    unsigned char *optional = calloc((size_t)n, 1);
+    unsigned char *optional = calloc((size_t)n * (size_t)n, 1);
     int *spare = calloc((size_t)n, sizeof *spare);
     pm_uncertainty u;
     assert_true(optional != NULL && spare != NULL);
@@ -387,21 +387,35 @@ static void weights_are_spare(void **state) {
     for (int i = 0; i < TRACKS; ++i) {
         measurements += b.track[i].count * s->ny;
     }
-    int found = 0;
+    int found = 0, grouped = 0;
     for (int i = 0; i < DIRECTIONS; ++i) {
         const double away = i % 2 == 0 ? u.weights[i] + b.moved[i] : fmax(1 + b.moved[i], 0);
         const double variance = u.covariance[(ptrdiff_t)i * (n + 1)] / u.inflation;
         const double rise = away * away / (2 * variance), most = log(measurements) / 2;
-        optional[i] = i % 2 == 0 ? PM_WEIGHT_OPTIONAL : PM_LOGARITHM_OPTIONAL;
+        unsigned char *own = &optional[i * (n + 1)];
+        *own = i % 2 == 0 ? PM_WEIGHT_OPTIONAL : PM_LOGARITHM_OPTIONAL;
         assert_int_equal(pm_uncertainty_spare(s, optional, spare), PM_OK);
         for (int j = 0; j < n; ++j) {
             const bool may = i == j && fabs(rise / most - 1) < STEP;
             assert_true(may || (spare[j] != 0) == (i == j && rise < most));
         }
         found += spare[i] != 0;
-        optional[i] = PM_WEIGHT_NEEDED;
+        // With another weight, which stays where it is and counts, too.
+        const int other = (i + 1) % n;
+        const double *covariance = u.covariance;
+        const double a = covariance[i * (n + 1)], c = covariance[other * (n + 1)],
+                     between = covariance[i * n + other], stays = b.moved[other];
+        const double both = (c * away * away - 2 * between * away * stays + a * stays * stays) /
+                            (2 * (a * c - between * between) / u.inflation);
+        optional[i * n + other] = PM_WEIGHT_OPTIONAL;
+        assert_int_equal(pm_uncertainty_spare(s, optional, spare), PM_OK);
+        assert_true(away == 0 || fabs(both / (2 * most) - 1) < STEP ||
+                    spare[i] == (both < 2 * most ? 2 : 0));
+        assert_int_equal(spare[other], 0);
+        grouped += spare[i] != 0;
+        optional[i * n + other] = *own = PM_WEIGHT_NEEDED;
     }
-    assert_true(found > 0 && found < DIRECTIONS);
+    assert_true(found > 0 && found < DIRECTIONS && grouped > 0 && grouped < DIRECTIONS);
     optional[0] = PM_WEIGHT_OPTIONAL;
     assert_int_equal(pm_shooting_divide(s, LENGTH), PM_OK);
     assert_int_equal(pm_uncertainty_spare(s, optional, spare), PM_OK);

@@ -410,6 +410,13 @@ static void test_physics_round_trip(void **state) {
     spec = part_of(given, &arena);
     spec = part_of(pm_part_spec_write(&spec, &arena), &arena);
     assert_names(spec.irreversible.nheats, spec.irreversible.heats, "s");
+    static const char optional[] = "constants: {a: {learned: 1.0, optional: [b, c]}, b: {learned: "
+                                   "1.0, optional: true}, c: {learned: 1.0}}\n"
+                                   "irreversible: {given: [[p, v, \"a + b + c\"]]}\n";
+    const pm_constants *constants = part_of(optional, &arena).constants;
+    assert_string_equal(constants->optional[0], " b c ");
+    assert_string_equal(constants->optional[1], "");
+    assert_null(constants->optional[2]);
     pm_arena_free(&arena);
 }
 

@@ -101,8 +101,8 @@ typedef struct pm_fit_measured {
     // [size] the role of each weight: 1 in the linear output of a network that stands beside a
     // formula, 2 elsewhere in such a network, 0 outside of them.
     unsigned char *beside;
-    // [size] pm_optional_weight of optional constants, and, after a short fit, which of them are
-    // spare (inference/uncertainty.h).
+    // [size][size] which constants are optional, with what means nothing without them, and, after a
+    // short fit, [size] which of them are spare (pm_uncertainty_spare). Both NULL in other fits.
     unsigned char *optional;
     int *spare;
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none

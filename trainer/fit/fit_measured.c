@@ -13,6 +13,7 @@
 #include "fit/start.h"
 #include "inference/black_box.h"
 #include "inference/calibration.h"
+#include "model/constants.h"
 #include "model/training_range.h"
 #include "scene/columns.h"
 #include "shooting/continuation.h"
@@ -507,6 +508,26 @@ done:
     return status;
 }
 
+// Marks weight `at` as an optional constant, with those constants of its component that mean
+// nothing without it. `first` is the first weight of the component.
+static void mark_optional(const pm_fit *f, const pm_params *params, size_t first, size_t at,
+                          bool positive, const char *without) {
+    unsigned char *own = &f->measured.optional[at * (size_t)f->size];
+    for (int k = 0; k < params->count; ++k) {
+        const pm_param_entry *entry = &params->entry[k];
+        const char *name = entry->trained ? pm_constant_name(entry->name) : NULL;
+        const size_t length = name == NULL ? 0 : strlen(name);
+        for (const char *place = without; name != NULL && (place = strstr(place, name)) != NULL;
+             place += length) {
+            if (place[-1] == ' ' && place[length] == ' ') {
+                own[first] = PM_WEIGHT_OPTIONAL;
+            }
+        }
+        first += entry->trained ? (size_t)(entry->rows * entry->cols) : 0;
+    }
+    own[at] = positive ? PM_LOGARITHM_OPTIONAL : PM_WEIGHT_OPTIONAL;
+}
+
 // How far weights are expected to be from their declared values: weights of networks, whose inputs
 // and outputs have deviations of about 1; logarithms of positive constants; other learned
 // constants, which have units, so that little is known of them; and temperatures, since coupled
@@ -528,30 +549,33 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
         const bool learns = known != NULL && known->learned != NULL;
         const bool energy = learns && part != NULL && part->energy.nformula > 0;
         const bool friction = learns && M->ngiven > 0 && M->learned;
+        const size_t first = at;
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
             const char *end = strrchr(entry->name, '.');
-            const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+            const char *constant = pm_constant_name(entry->name);
             const bool beside = (energy && strncmp(entry->name, "energy.", 7) == 0) ||
                                 (friction && strncmp(entry->name, "irreversible.matrix.", 20) == 0);
             const bool linear = beside && strstr(entry->name, ".layer") == NULL;
             const bool held = linear && f->position.finer != WITH_NETWORKS;
-            bool positive = false, optional = false;
-            for (int j = 0; constant && learns && j < known->count; ++j) {
-                if (strcmp(known->name[j], entry->name + 9) == 0) {
+            bool positive = false;
+            const char *without = NULL;
+            for (int j = 0; constant != NULL && learns && j < known->count; ++j) {
+                if (strcmp(known->name[j], constant) == 0) {
                     positive = known->learned[j] == PM_CONSTANT_POSITIVE;
-                    optional = known->optional != NULL && known->optional[j];
+                    without = known->optional == NULL ? NULL : known->optional[j];
                 }
+            }
+            if (f->measured.optional != NULL && without != NULL) {
+                mark_optional(f, params, first, at, positive, without);
             }
             const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {
                 f->measured.beside[at] = linear ? 1 : beside ? 2 : 0;
-                f->measured.optional[at] = !optional  ? PM_WEIGHT_NEEDED
-                                           : positive ? PM_LOGARITHM_OPTIONAL
-                                                      : PM_WEIGHT_OPTIONAL;
-                terms->reach[at] = positive    ? PM_SHOOTING_REACH
-                                   : held      ? HELD_REACH
-                                   : constant  ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
+                terms->reach[at] = positive ? PM_SHOOTING_REACH
+                                   : held   ? HELD_REACH
+                                   : constant != NULL
+                                       ? FAR_REACH * fmax(fabs(terms->first_weight[at]), 1)
                                    : amplitude ? TEMPERATURE_REACH
                                                : NETWORK_REACH;
                 terms->early_reach[at] = positive ? EARLY_REACH : terms->reach[at];
@@ -834,8 +858,11 @@ static pm_status run(pm_fit *f) {
         shooting.terms.prior[c] = m->observation.hidden[c] ? m->observation.deviation[c] : 0;
     }
     f->measured.beside = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
-    f->measured.optional = pm_arena_array(&f->arena, (size_t)f->size + 1, 1);
-    f->measured.spare = pm_arena_array(&f->arena, (size_t)f->size + 1, sizeof *f->measured.spare);
+    if (f->arguments->effort != NULL) {
+        const size_t n = (size_t)f->size;
+        f->measured.optional = pm_arena_array(&f->arena, n * n + 1, 1);
+        f->measured.spare = pm_arena_array(&f->arena, n + 1, sizeof *f->measured.spare);
+    }
     PM_TRY_DONE(pm_arena_status(&f->arena, "networks beside formulas"));
     set_reaches(f, &shooting.terms);
     for (int c = 0; c < shooting.nz; ++c) {

@@ -9,6 +9,7 @@
 
 #include "base/linalg.h"
 #include "data/trained.h"
+#include "model/constants.h"
 #include "store/hdf5_io.h"
 
 #define FILE_NAME "measured.h5"
@@ -241,14 +242,41 @@ void pm_uncertainty_free(pm_uncertainty *u) {
 
 // --- what may as well be zero ---
 
+// Moves the variables of a quadratic model, whose minimum is at `away` [n] and whose inverse matrix
+// of second derivatives is `inverse` [n][n], to where variable k is 0. Returns by how much the
+// model rises. Other variables may have no variance any more, since they follow from k.
+static double leave(size_t n, double *inverse, double *away, size_t k) {
+    const double variance = inverse[k * (n + 1)], moves = away[k];
+    if (!(variance > 0)) {
+        return 0;
+    }
+    for (size_t i = 0; i < n; ++i) {
+        if (i != k) {
+            const double share = inverse[i * n + k] / variance;
+            away[i] -= share * moves;
+            for (size_t j = 0; j < n; ++j) {
+                inverse[i * n + j] -= share * inverse[k * n + j];
+            }
+        }
+    }
+    for (size_t i = 0; i < n; ++i) {
+        inverse[k * n + i] = inverse[i * n + k] = 0;
+    }
+    away[k] = 0;
+    return moves * moves / (2 * variance);
+}
+
 pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, int *spare) {
     pm_arena scratch = {0};
     pm_status status = PM_OK;
     const size_t n = (size_t)s->nweight, nz = (size_t)s->nz * (size_t)s->nwindow;
     double *step = pm_arena_array(&scratch, n + nz, sizeof *step);
     double *inverse = pm_arena_array(&scratch, n * n + 1, sizeof *inverse);
-    double *column = pm_arena_array(&scratch, n + 1, sizeof *column);
-    double *away = pm_arena_array(&scratch, n + 1, sizeof *away); // from zero
+    double *weight = pm_arena_array(&scratch, n + 1, sizeof *weight);
+    double *block = pm_arena_array(&scratch, n * n + 1, sizeof *block); // of a group
+    double *away = pm_arena_array(&scratch, n + 1, sizeof *away);       // likewise
+    size_t *member = pm_arena_array(&scratch, n + 1, sizeof *member);   // likewise
+    bool *gone = pm_arena_array(&scratch, n + 1, sizeof *gone);
     double count = 1;
     PM_TRY_DONE(pm_arena_status(&scratch, "what is spare"));
     memset(spare, 0, n * sizeof *spare);
@@ -269,43 +297,61 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
         inverse[i * (n + 1)] = 1;
     }
     pm_cholesky_back(s->nweight, s->blocks.reduced, s->nweight, inverse);
-    pm_shooting_weights(s, away);
-    // How far weights are from zero where the model has its minimum: logarithms along their
-    // tangent.
-    for (size_t i = 0; i < n; ++i) {
-        away[i] = (optional[i] == PM_LOGARITHM_OPTIONAL ? 1 : away[i]) + step[i];
-    }
+    pm_shooting_weights(s, weight);
     for (int i = 0; i < s->tracks->count; i += s->stride) {
         count += (double)s->tracks->track[i].count * s->ny;
     }
-    for (int number = 1;; ++number) {
+    const double each = log(count) / 2;
+    for (int number = 0;;) {
         size_t least = n;
-        double rise = log(count) / 2;
+        double gain = 0;
         for (size_t k = 0; k < n; ++k) {
-            const bool beyond = optional[k] == PM_LOGARITHM_OPTIONAL && away[k] < 0; // of zero
-            const double variance = inverse[k * (n + 1)];
-            const double own = beyond ? 0 : away[k] * away[k] / (2 * variance);
+            const unsigned char *own = &optional[k * n];
+            size_t m = 0;
             // A weight without variance follows from others that are zero already.
-            const bool may = optional[k] != PM_WEIGHT_NEEDED && spare[k] == 0 && variance > 0;
-            if (may && own < rise) {
+            if (own[k] == PM_WEIGHT_NEEDED || gone[k] || !(inverse[k * (n + 1)] > 0)) {
+                continue;
+            }
+            for (size_t i = 0; i < n; ++i) {
+                if (!gone[i] && own[i] != PM_WEIGHT_NEEDED && i != k) {
+                    member[m++] = i;
+                }
+            }
+            member[m++] = k;
+            for (size_t i = 0; i < m; ++i) {
+                away[i] = step[member[i]];
+                for (size_t j = 0; j < m; ++j) {
+                    block[i * m + j] = inverse[member[i] * n + member[j]];
+                }
+            }
+            double rise = 0;
+            for (size_t i = 0; i + 1 < m; ++i) {
+                rise += leave(m, block, away, i);
+            }
+            // How far it is from zero where the model has its minimum: logarithms along their
+            // tangent, and no further than to zero.
+            const bool logarithm = own[k] == PM_LOGARITHM_OPTIONAL;
+            away[m - 1] += logarithm ? 1 : weight[k];
+            rise += logarithm && away[m - 1] < 0 ? 0 : leave(m, block, away, m - 1);
+            if ((double)m * each - rise > gain) {
                 least = k;
-                rise = own;
+                gain = (double)m * each - rise;
             }
         }
         if (least == n) {
             break;
         }
-        const double variance = inverse[least * (n + 1)], moves = away[least];
-        spare[least] = number;
         for (size_t i = 0; i < n; ++i) {
-            column[i] = inverse[i * n + least];
-        }
-        for (size_t i = 0; i < n; ++i) {
-            away[i] -= column[i] / variance * moves;
-            for (size_t j = 0; j < n; ++j) {
-                inverse[i * n + j] -= column[i] * column[j] / variance;
+            if (!gone[i] && optional[least * n + i] != PM_WEIGHT_NEEDED) {
+                step[i] += i != least                                       ? 0
+                           : optional[i * (n + 1)] == PM_LOGARITHM_OPTIONAL ? 1
+                                                                            : weight[i];
+                (void)leave(n, inverse, step, i);
+                gone[i] = true;
+                ++number;
             }
         }
+        spare[least] = number;
     }
 done:
     pm_arena_free(&scratch);
@@ -388,23 +434,23 @@ static void print_component(const pm_uncertainty *u, const pm_shooting *s, int i
     int loose = 0, all = 0;
     for (int k = 0; k < params->count && list != NULL; ++k) {
         const pm_param_entry *entry = &params->entry[k];
-        const bool constant = strncmp(entry->name, "constant.", 9) == 0;
+        const char *constant = pm_constant_name(entry->name);
         for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++*at) {
             const double deviation = sqrt(u->covariance[*at * ((size_t)u->nweight + 1)]);
             const double reach = s->terms.reach[*at], value = entry->value[j];
             const bool prior = reach > 0 && deviation > PRIOR_ALONE * reach;
             const bool logarithm = reach == PM_SHOOTING_REACH; // a positive constant
-            if (!constant) {
+            if (constant == NULL) {
                 loose += prior;
                 ++all;
             } else if (prior) {
-                fprintf(list, "%s %s (%.3g)", ftell(list) > 0 ? "," : "", entry->name + 9,
+                fprintf(list, "%s %s (%.3g)", ftell(list) > 0 ? "," : "", constant,
                         logarithm ? exp(value) : value);
             } else if (logarithm) {
-                printf("  %s.%s = %.5g, standard deviation %.2g %%\n", name, entry->name + 9,
-                       exp(value), 100 * deviation);
+                printf("  %s.%s = %.5g, standard deviation %.2g %%\n", name, constant, exp(value),
+                       100 * deviation);
             } else {
-                printf("  %s.%s = %.5g, standard deviation %.2g\n", name, entry->name + 9, value,
+                printf("  %s.%s = %.5g, standard deviation %.2g\n", name, constant, value,
                        deviation);
             }
         }
@@ -473,21 +519,21 @@ static pm_status open_directions(directions *d, const pm_shooting *s, pm_arena *
     pm_trained_list(system, trained);
     for (int i = 0; i < count; ++i) {
         const char *name = trained[i].entry->name;
-        const bool constant = strncmp(name, "constant.", 9) == 0;
+        const char *constant = pm_constant_name(name);
         for (int j = 0; j < trained[i].size; ++j) {
             const int at = trained[i].first + j;
             const double reach = s->terms.reach[at];
-            const bool logarithm = constant && reach == PM_SHOOTING_REACH;
+            const bool logarithm = constant != NULL && reach == PM_SHOOTING_REACH;
             const double size =
                 fmax(fabs(trained[i].entry->value[j]), fabs(s->terms.first_weight[at]));
             d->list[at] = (weight){.component = pm_trained_name(system, trained[i].component),
-                                   .name = constant ? name + 9 : NULL,
+                                   .name = constant,
                                    .at = pm_trained_place(system, trained[i].component),
                                    .logarithm = logarithm,
-                                   .unit = !constant   ? reach
-                                           : logarithm ? 1
-                                           : size > 0  ? size
-                                                       : 1};
+                                   .unit = constant == NULL ? reach
+                                           : logarithm      ? 1
+                                           : size > 0       ? size
+                                                            : 1};
         }
     }
     return PM_OK;

@@ -50,13 +50,15 @@ typedef enum pm_optional_weight {
     PM_LOGARITHM_OPTIONAL
 } pm_optional_weight;
 
-// Numbers the optional weights that may as well be zero from 1 on in spare [nweight], where all
-// others are 0: one after the other, each time the one whose loss raises the objective least when
-// all others follow, as long as it rises by less than the information that the measurements have
-// about one number (Schwarz, Ann. Stat. 6, 1978). The rise is that above the minimum of the
-// quadratic model at the present weights and starts (Hassibi, Stork, NIPS 1992). Nothing is spare
-// where the measurements and the priors do not fix all weights, or where windows are not whole
-// trajectories. PM_ENOMEM.
+// Finds the optional weights that may as well be zero. optional [nweight][nweight] has the
+// pm_optional_weight of each on its diagonal, and beside it PM_WEIGHT_OPTIONAL for the weights that
+// mean nothing where it is zero, such as the width of a bell. They are left out one after the
+// other: each time the one by which the objective gains most, when it rises less, as all others
+// follow, than the information that the measurements have about so many numbers (Schwarz, Ann.
+// Stat. 6, 1978). The rise is that above the minimum of the quadratic model at the present weights
+// and starts (Hassibi, Stork, NIPS 1992). spare [nweight] becomes the count of all weights that are
+// left out with it and before it, and 0 where none is. Nothing is spare where the measurements and
+// the priors do not fix all weights, or where windows are not whole trajectories. PM_ENOMEM.
 pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, int *spare);
 
 // Writes "measured.h5" into the folder. PM_EFILE.

@@ -289,9 +289,9 @@ static int hidden_by(const hidden_search *s, int id) {
     return count;
 }
 
-// Writes lines of `from` behind what is in `to` [2 PM_SEARCH_FOUND]: those of the first `most`
-// spare constants, or, with a negative number, all lines without their marks. Returns how many are
-// spare.
+// Writes lines of `from` behind what is in `to` [2 PM_SEARCH_FOUND]: those of spare constants as
+// long as at most `most` constants are left out with them, or, with a negative number, all lines
+// without their marks. Returns how many are left out.
 static int add_lines(char *to, const char *from, int most) {
     size_t length = strlen(to);
     int count = 0;
@@ -299,15 +299,15 @@ static int add_lines(char *to, const char *from, int most) {
         end = strchr(line, '\n') + 1;
         const char *mark = strstr(line, PM_SEARCH_SPARE);
         const bool marked = mark != NULL && mark < end;
-        const bool wanted =
-            most < 0 || (marked && strtol(mark + strlen(PM_SEARCH_SPARE), NULL, DECIMAL) <= most);
+        const int number = marked ? (int)strtol(mark + strlen(PM_SEARCH_SPARE), NULL, DECIMAL) : 0;
+        const bool wanted = most < 0 || (marked && number <= most);
         const size_t size = (size_t)((marked && most < 0 ? mark : end - 1) - line);
         if (wanted && length + size + 1 < 2 * PM_SEARCH_FOUND) {
             memcpy(to + length, line, size);
             memcpy(to + length + size, "\n", 2);
             length += size + 1;
         }
-        count += marked;
+        count = wanted && number > count ? number : count;
     }
     return count;
 }
@@ -588,12 +588,13 @@ static pm_status leave_out(hidden_search *s) {
         const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
         char *found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);
         PM_TRY(pm_arena_status(&s->arena, "constants"));
-        const int all = add_lines(found, full->found, most), count = all < most ? all : most;
+        const int count = add_lines(found, full->found, most);
         if (s->lean[before]) {
             add_lines(found, s->found[before], INT_MAX);
         }
         add_lines(found, full->found, -1);
         if (count == 0) {
+            s->lean_failed[before] = true;
             return PM_OK;
         }
         memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);

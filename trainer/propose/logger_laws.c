@@ -52,9 +52,17 @@ bool pm_logger_begin(pm_logger_writer *w) {
 typedef struct listed_constant {
     const char *line, *end, *value, *rest; // `value` and `rest` are NULL where nothing is learned
     char name[PM_LOGGER_TEXT];
-    const char *found; // its value in pm_logger_writer.found; NULL: there is none
-    bool zero;         // it is left out, with what it multiplies
+    const char *found;    // its value in pm_logger_writer.found; NULL: there is none
+    bool zero;            // it is left out, with what it multiplies
+    bool shared;          // perhaps the scene names it
+    const char *optional; // where its line says so; NULL: it is needed
 } listed_constant;
+
+// Returns where a text stands between two places; NULL: nowhere.
+static const char *find_within(const char *from, const char *to, const char *text) {
+    const char *at = strstr(from, text);
+    return at != NULL && at < to ? at : NULL;
+}
 
 static listed_constant read_constant(const pm_logger_writer *w, const char *model,
                                      const char *line) {
@@ -67,6 +75,8 @@ static listed_constant read_constant(const pm_logger_writer *w, const char *mode
     }
     c.value = line + at;
     c.rest = line + after;
+    c.shared = find_within(c.rest, c.end, PM_LOGGER_SHARED) != NULL;
+    c.optional = find_within(c.rest, c.end, PM_LOGGER_OPTIONAL);
     snprintf(key, sizeof key, "%s.%s=", model, c.name);
     const char *found = w->found == NULL ? NULL : strstr(w->found, key);
     while (found != NULL && found != w->found && found[-1] != '\n') {
@@ -78,6 +88,32 @@ static listed_constant read_constant(const pm_logger_writer *w, const char *mode
         c.zero = strncmp(c.found + digits, PM_SEARCH_SPARE, strlen(PM_SEARCH_SPARE)) == 0;
     }
     return c;
+}
+
+// Writes the line of a constant behind its value. Where it is optional, it names the constants that
+// mean nothing where it is zero, since they vanish from the formulas with it.
+static void write_rest(pm_logger_writer *w, const char *body, const listed_constant *own,
+                       const listed_constant *constant, int count) {
+    const char *name = own->name, *without = NULL, *rest = own->rest;
+    pm_arena arena = {0};
+    bool some = false;
+    if (own->optional != NULL) {
+        without = pm_logger_shorten(&arena, body, 1, &name);
+    }
+    for (int i = 0; without != NULL && i < count; ++i) {
+        const listed_constant *c = &constant[i];
+        if (c != own && c->value != NULL && !c->shared && pm_logger_mentions(body, c->name) &&
+            !pm_logger_mentions(without, c->name)) {
+            if (!some) {
+                fprintf(w->f, "%.*s, optional: [", (int)(own->optional - rest), rest);
+                rest = own->optional + strlen(PM_LOGGER_OPTIONAL);
+            }
+            fprintf(w->f, "%s%s", some ? ", " : "", c->name);
+            some = true;
+        }
+    }
+    fprintf(w->f, "%s%.*s", some ? "]" : "", (int)(own->end - rest), rest);
+    pm_arena_free(&arena);
 }
 
 // Ends a model: writes its constants, then its body, unless it could not begin.
@@ -112,20 +148,20 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
         // there.
         for (int i = 0; i < count; ++i) {
             const listed_constant *c = &constant[i];
-            const bool shared = pm_logger_mentions(c->line, "shared"); // perhaps with the scene
-            if (c->value != NULL && w->lean && !shared && !pm_logger_mentions(body, c->name)) {
+            if (c->value != NULL && w->lean && !c->shared && !pm_logger_mentions(body, c->name)) {
                 continue;
             }
             fputs(written++ == 0 ? "    constants:\n" : "", w->f);
-            if (c->found == NULL) {
+            if (c->value == NULL) {
                 fwrite(c->line, 1, (size_t)(c->end - c->line), w->f);
                 continue;
             }
-            const double own = strtod(c->found, NULL), start = strtod(c->value, NULL);
+            const double start = strtod(c->value, NULL);
+            const double own = c->found == NULL ? start : strtod(c->found, NULL);
             const bool positive = strncmp(c->rest, ", positive", strlen(", positive")) == 0;
-            fprintf(w->f, "%.*s%.6g%.*s", (int)(c->value - c->line), c->line,
-                    positive ? fmin(fmax(own, start / FURTHEST), start * FURTHEST) : own,
-                    (int)(c->end - c->rest), c->rest);
+            fprintf(w->f, "%.*s%.6g", (int)(c->value - c->line), c->line,
+                    positive ? fmin(fmax(own, start / FURTHEST), start * FURTHEST) : own);
+            write_rest(w, body, c, constant, count);
         }
         fputs(body, w->f);
     }
