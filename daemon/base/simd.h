@@ -12,4 +12,11 @@
 #define PM_SIMD_CLONES
 #endif
 
+// Before a loop whose rounds do not depend on each other, whatever its pointers are.
+#if defined(__clang__)
+#define PM_SIMD_LOOP _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define PM_SIMD_LOOP _Pragma("GCC ivdep")
+#endif
+
 #endif

@@ -99,6 +99,29 @@ typedef struct pm_instruction {
     const int *index;
 } pm_instruction;
 
+// The same in short, for what takes most time: an elementwise operation on numbers that lie one
+// after the other, or are one number for all. A program of many instructions is read from memory in
+// each run, which takes longer than the arithmetic where they are large.
+typedef struct pm_row {
+    double *out;
+    const double *a;
+    union {
+        const double *b;
+        double number;               // of an operation with one operand
+        const pm_instruction *whole; // what has no short form
+    };
+    int n;      // numbers of the result, of each item if there are `many`
+    short kind; // PM_ROW; -1: there is no short form
+    bool many;
+} pm_row;
+
+// Which operands are one number for all.
+enum { PM_ROW_NEITHER, PM_ROW_SECOND, PM_ROW_FIRST, PM_ROW_NFORM };
+#define PM_ROW(OPERATION, FORM) ((short)(PM_ROW_NFORM * (OPERATION) + (FORM)))
+
+// Runs the instructions from `row` up to `end`.
+void pm_rows_run(const pm_row *row, const pm_row *end, int batch);
+
 typedef struct pm_operation {
     void (*run)(const pm_instruction *x, int batch); // NULL: nothing to compute
     // The derivative rule. Given the result and its adjoint, it returns the adjoint of operand
@@ -116,6 +139,7 @@ struct pm_program {
     size_t memory_size; // numbers
     int ninstruction, nfixed;
     pm_instruction *instruction; // [ninstruction]; the first `nfixed` depend on weights alone
+    pm_row *row;                 // [ninstruction] the same, for a run
     int nnode;
     double **value; // [nnode] where a node's numbers live; NULL: not part of the program
     bool *needed;   // [nnode] whether an output needs the node

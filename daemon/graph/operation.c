@@ -486,6 +486,45 @@ const pm_operation pm_operations[PM_OP_COUNT] = {
 };
 // clang-format on
 
+// --- rows ---
+
+// A case of a kind of row. The result may take the place of an operand, number by number, so that
+// the loop has no order.
+#define ROW_CASE(KIND, ONE, A, B, VALUE)         \
+    case (KIND): {                               \
+        const double number = ONE, one = number; \
+        (void)one, (void)number;                 \
+        PM_SIMD_LOOP                             \
+        for (ptrdiff_t i = 0; i < n; ++i) {      \
+            const double a = A, b = B;           \
+            (void)b;                             \
+            out[i] = VALUE;                      \
+        }                                        \
+        break;                                   \
+    }
+#define BINARY_CASES(OPERATION, NAME, VALUE, ...)                               \
+    ROW_CASE(PM_ROW(PM_OP_##OPERATION, PM_ROW_NEITHER), 0, pa[i], pb[i], VALUE) \
+    ROW_CASE(PM_ROW(PM_OP_##OPERATION, PM_ROW_SECOND), *pb, pa[i], one, VALUE)  \
+    ROW_CASE(PM_ROW(PM_OP_##OPERATION, PM_ROW_FIRST), *pa, one, pb[i], VALUE)
+#define UNARY_CASE(OPERATION, NAME, VALUE, ...) \
+    ROW_CASE(PM_ROW(PM_OP_##OPERATION, PM_ROW_NEITHER), row->number, pa[i], 0, VALUE)
+
+PM_SIMD_CLONES void pm_rows_run(const pm_row *row, const pm_row *end, int batch) {
+    for (; row < end; ++row) {
+        if (row->kind < 0) {
+            row->whole->run(row->whole, batch);
+            continue;
+        }
+        const ptrdiff_t n = (ptrdiff_t)row->n * (row->many ? batch : 1);
+        const double *pa = row->a, *pb = row->b; // pb is nothing where there is one operand
+        double *out = row->out;
+        switch (row->kind) {
+            PM_BINARY_OPERATIONS(BINARY_CASES)
+            PM_UNARY_OPERATIONS(UNARY_CASE)
+        }
+    }
+}
+
 // --- reverse accumulation ---
 
 // A walk over the nodes from `first`, the first one whose derivative is wanted, to `last`. Earlier

@@ -314,6 +314,26 @@ static void emit(pm_program *p, const memory_plan *plan, pm_node handle) {
     }
 }
 
+// Returns the short form of an instruction.
+static pm_row shorten(const pm_instruction *x) {
+    const bool unary = x->op >= PM_OP_TANH && x->op <= PM_OP_OFFSET;
+    const ptrdiff_t a = x->step_a[2], b = x->step_b[2];
+    const bool binary = x->op <= PM_OP_DIV && x->is_one_row && x->step[2] == 1;
+    pm_row row = {.out = x->out, .a = x->a, .whole = x, .kind = -1};
+    if (unary) {
+        row.n = x->shape.rows * x->shape.cols;
+        row.many = x->shape.batched;
+        row.number = x->number;
+        row.kind = PM_ROW(x->op, PM_ROW_NEITHER);
+    } else if (binary && a + b > 0 && a <= 1 && b <= 1) {
+        row.n = x->size[2] * (x->size[0] > 0 ? x->size[0] : 1);
+        row.many = x->size[0] == 0;
+        row.b = x->b;
+        row.kind = PM_ROW(x->op, b == 0 ? PM_ROW_SECOND : a == 0 ? PM_ROW_FIRST : PM_ROW_NEITHER);
+    }
+    return row;
+}
+
 static void resolve_values(pm_program *p, const memory_plan *plan) {
     for (pm_node x = 0; x < plan->nnode; ++x) {
         const pm_graph_node *node = pm_graph_node_at(plan->g, x);
@@ -346,6 +366,7 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     p->fixed = pm_arena_array(&p->arena, nnode, sizeof *p->fixed);
     p->output = pm_arena_array(&p->arena, (size_t)count, sizeof *p->output);
     p->instruction = pm_arena_array(&p->arena, nnode, sizeof *p->instruction);
+    p->row = pm_arena_array(&p->arena, nnode, sizeof *p->row);
     PM_TRY(pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode));
     PM_TRY(pm_allocated(plan->place, "a program of %d nodes", plan->nnode));
     p->noutput = count;
@@ -372,6 +393,9 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
             }
         }
         p->nfixed = fixed == 1 ? p->ninstruction : p->nfixed;
+    }
+    for (int i = 0; i < p->ninstruction; ++i) {
+        p->row[i] = shorten(&p->instruction[i]);
     }
     return pm_arena_status(&p->arena, "a program of %d nodes", plan->nnode);
 }
@@ -443,14 +467,8 @@ double *pm_program_input(pm_program *program, pm_node x) {
     return x == PM_NO_NODE || !program->needed[x] ? NULL : pm_program_value(program, x);
 }
 
-static void run(const pm_program *program, int begin, int end, int batch) {
-    for (int i = begin; i < end; ++i) {
-        program->instruction[i].run(&program->instruction[i], batch);
-    }
-}
-
 void pm_program_prepare(pm_program *program) {
-    run(program, 0, program->nfixed, program->capacity);
+    pm_rows_run(program->row, program->row + program->nfixed, program->capacity);
 }
 
 void pm_program_run_prepared(pm_program *program, int batch) {
@@ -459,7 +477,7 @@ void pm_program_run_prepared(pm_program *program, int batch) {
         program->kernel(program->memory);
         return;
     }
-    run(program, program->nfixed, program->ninstruction, batch);
+    pm_rows_run(program->row + program->nfixed, program->row + program->ninstruction, batch);
 }
 
 void pm_program_run(pm_program *program, int batch) {

@@ -73,7 +73,7 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
         schedule->batch = least(schedule->batch, e->samples);
         schedule->thorough = false;
     }
-    f->kind = pm_training_is_measured(t) ? &pm_fit_of_measurements : &pm_fit_of_states;
+    f->kind = t->measured ? &pm_fit_of_measurements : &pm_fit_of_states;
     if (arguments->team != NULL && f->kind == &pm_fit_of_measurements) {
         return pm_fail(PM_EUSAGE,
                        "measurements are fitted by one process: start it without mpirun");

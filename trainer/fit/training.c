@@ -380,11 +380,6 @@ static pm_status read_noise(pm_training *t, pm_yaml block) {
     return PM_OK;
 }
 
-bool pm_training_is_measured(const pm_training *training) {
-    return training->noisy || training->scene->run.nobservation > 0 ||
-           pm_scene_hides(training->scene);
-}
-
 static pm_status read_all(pm_training *t, pm_yaml root) {
     static const char *const defaults[] = {"physical", "plain", NULL};
     pm_yaml scene_at, block, parts, ports, stages, noise, starts;
@@ -441,7 +436,8 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     pm_trained_share(t->system);
     PM_TRY(pm_system_check_boundary_inputs(t->system));
     PM_TRY(read_stages(t, root));
-    if (pm_training_is_measured(t) && pm_yaml_exists(stages) && !pm_yaml_is_text(stages, "auto")) {
+    t->measured = t->noisy || t->scene->run.nobservation > 0 || pm_scene_hides(t->scene);
+    if (t->measured && pm_yaml_exists(stages) && !pm_yaml_is_text(stages, "auto")) {
         return pm_yaml_fail(stages, "a fit to measurements has no stages (noise, hidden groups or "
                                     "observations make it one)");
     }

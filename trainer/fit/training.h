@@ -29,7 +29,10 @@ typedef struct pm_training {
     const char *trajectories, *trajectories_at; // "A:B", or NULL: all
     const char *validation, *validation_at;     // a list, "none", or NULL (data/split.h)
     // The key `noise` of measurements (fit/fit_measured.c).
-    bool noisy;                // the file has this key
+    bool noisy; // the file has this key
+    // The data are measurements, which are fitted by multiple shooting: the file gives `noise`, or
+    // the scene has hidden groups or observations.
+    bool measured;
     int nnoise;                // number of columns whose noise it gives
     const char **noise_column; // [nnoise]
     double *noise;             // [nnoise] in the unit of the column
@@ -54,9 +57,6 @@ typedef struct pm_training {
 // Reads and checks a training file and its scene, and declares the models. The caller frees.
 // PM_EFILE, PM_ECONFIG with the place in the file, PM_ENOMEM.
 pm_status pm_training_load(pm_training **training, const char *path);
-// Returns true if the data are measurements, which are fitted by multiple shooting: the file gives
-// `noise`, or the scene has hidden groups or observations.
-bool pm_training_is_measured(const pm_training *training);
 void pm_training_free(pm_training *training); // NULL is allowed
 
 #endif
