@@ -108,6 +108,7 @@ typedef struct pm_row {
     union {
         const double *b;
         double number;               // of an operation with one operand
+        ptrdiff_t stride;            // of a slice of one column: between its rows
         const pm_instruction *whole; // what has no short form
     };
     int n;      // numbers of the result, of each item if there are `many`

@@ -521,6 +521,7 @@ PM_SIMD_CLONES void pm_rows_run(const pm_row *row, const pm_row *end, int batch)
         switch (row->kind) {
             PM_BINARY_OPERATIONS(BINARY_CASES)
             PM_UNARY_OPERATIONS(UNARY_CASE)
+            ROW_CASE(PM_ROW(PM_OP_SLICE, PM_ROW_NEITHER), 0, pa[i * row->stride], 0, a)
         }
     }
 }

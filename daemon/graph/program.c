@@ -314,22 +314,38 @@ static void emit(pm_program *p, const memory_plan *plan, pm_node handle) {
     }
 }
 
+// Returns true if an operand with these steps has the result's numbers one by one, or one number
+// for all if `one`.
+static bool has_steps(const pm_instruction *x, const ptrdiff_t *step, bool one) {
+    bool has = true;
+    for (int i = 0; i < 3; ++i) {
+        has = has && (x->size[i] == 1 || step[i] == (one ? 0 : x->step[i]));
+    }
+    return has;
+}
+
 // Returns the short form of an instruction.
 static pm_row shorten(const pm_instruction *x) {
-    const bool unary = x->op >= PM_OP_TANH && x->op <= PM_OP_OFFSET;
-    const ptrdiff_t a = x->step_a[2], b = x->step_b[2];
-    const bool binary = x->op <= PM_OP_DIV && x->is_one_row && x->step[2] == 1;
-    pm_row row = {.out = x->out, .a = x->a, .whole = x, .kind = -1};
-    if (unary) {
-        row.n = x->shape.rows * x->shape.cols;
-        row.many = x->shape.batched;
+    pm_row row = {.out = x->out,
+                  .a = x->a,
+                  .n = x->shape.rows * x->shape.cols,
+                  .many = x->shape.batched,
+                  .whole = x,
+                  .kind = -1};
+    if (x->op >= PM_OP_TANH && x->op <= PM_OP_OFFSET) {
         row.number = x->number;
         row.kind = PM_ROW(x->op, PM_ROW_NEITHER);
-    } else if (binary && a + b > 0 && a <= 1 && b <= 1) {
-        row.n = x->size[2] * (x->size[0] > 0 ? x->size[0] : 1);
-        row.many = x->size[0] == 0;
-        row.b = x->b;
-        row.kind = PM_ROW(x->op, b == 0 ? PM_ROW_SECOND : a == 0 ? PM_ROW_FIRST : PM_ROW_NEITHER);
+    } else if (x->op <= PM_OP_DIV) {
+        const bool a = has_steps(x, x->step_a, false), b = has_steps(x, x->step_b, false);
+        const bool first = has_steps(x, x->step_a, true), second = has_steps(x, x->step_b, true);
+        if ((a && (b || second)) || (first && b)) {
+            row.b = x->b;
+            row.kind = PM_ROW(x->op, a && b ? PM_ROW_NEITHER : a ? PM_ROW_SECOND : PM_ROW_FIRST);
+        }
+    } else if (x->op == PM_OP_SLICE && x->shape.cols == 1 && x->lanes == 1) {
+        row.a = x->a + x->first;
+        row.stride = x->shape_a.cols;
+        row.kind = PM_ROW(x->op, PM_ROW_NEITHER);
     }
     return row;
 }
