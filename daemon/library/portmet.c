@@ -157,6 +157,7 @@ void portmet_scene_close(portmet_scene *scene) {
     if (scene != NULL && scene->remote != NULL) {
         pm_remote_scene *remote = scene->remote;
         if (remote->running) {
+            remote->slice = 0;
             (void)portmet_scene_stop(scene);
         }
         pm_remote_close(remote->client);
@@ -321,6 +322,24 @@ int portmet_scene_stop(portmet_scene *scene) {
                ? (int)pm_remote_scene_ask(scene->remote,
                                           (portmet_control_t){.kind = PORTMET_CONTROL_T_STOP})
                : PORTMET_OK;
+}
+
+int portmet_scene_interrupt_after(portmet_scene *scene, double seconds) {
+    if (!(seconds >= 0) || scene->remote == NULL) {
+        return (int)pm_fail(PM_EUSAGE, "scene %s: an interruption after %g s%s", scene_name(scene),
+                            seconds, scene->remote == NULL ? ": it is stepped here" : "");
+    }
+    scene->remote->slice = seconds;
+    return PORTMET_OK;
+}
+
+int portmet_scene_wait(portmet_scene *scene) {
+    if (enter(scene) != PM_OK) {
+        return PORTMET_EUSAGE;
+    }
+    return leave(scene, scene->remote != NULL
+                            ? pm_remote_scene_wait(scene->remote)
+                            : pm_fail(PM_EUSAGE, "scene %s is stepped here", scene_name(scene)));
 }
 
 int64_t portmet_scene_steps(const portmet_scene *scene) {

@@ -41,7 +41,8 @@ enum portmet_status {
     PORTMET_ENUMERIC = 9, /* a value is not finite, or a guard of the scene ended the run */
     PORTMET_ELAW = 10,    /* a component in the hard form violated a law beyond its tolerance */
     PORTMET_ENOMEM = 11,  /* out of memory */
-    PORTMET_EUSAGE = 2    /* an argument is not valid */
+    PORTMET_EUSAGE = 2,   /* an argument is not valid */
+    PORTMET_EINTERRUPTED = 12 /* there is no answer yet: portmet_scene_interrupt_after */
 };
 
 /* Returns the version of the library, such as "0.1.0". */
@@ -70,7 +71,8 @@ int portmet_scene_parse(portmet_scene **scene, const char *text, const char *pat
  * `name` is that of the scene; the session of the service, if it has one, follows after a colon.
  * `url` is the LCM provider; NULL: LCM's default, on this host alone. `key_file` holds the key of
  * the scene; NULL: it has none. `record` names a recording in the folder of the service; NULL:
- * none. `patience` is the time in s without an answer after which a call fails; 0: 10 s.
+ * none. `patience` is the time in s without an answer after which a call fails; 0: 10 s. A step
+ * that waits for an input that nobody gives fails after the same time, and is not taken.
  * PORTMET_ENET: there is no route for multicast; PORTMET_ETIMEOUT: nobody answers; PORTMET_EUSAGE:
  * the service refuses, because a run of somebody else is under way. Closing the scene ends the run.
  */
@@ -115,6 +117,14 @@ int portmet_scene_restore(portmet_scene *scene, const char *name);
 /* Ends the run of a scene that portmet_scene_connect has opened; portmet_scene_restart begins
  * another. Does nothing for a scene that is stepped here. */
 int portmet_scene_stop(portmet_scene *scene);
+
+/* Lets calls to a scene that portmet_scene_connect has opened return after `seconds` without an
+ * answer, with PORTMET_EINTERRUPTED, so that the program can look at signals; with 0, as at first,
+ * they do not. portmet_scene_wait goes on waiting, and returns what the call would have returned,
+ * or PORTMET_EINTERRUPTED again; the arrays that the call was given must stay until then. Any other
+ * call holds the run first. PORTMET_EUSAGE: the scene is stepped here. */
+int portmet_scene_interrupt_after(portmet_scene *scene, double seconds);
+int portmet_scene_wait(portmet_scene *scene);
 
 /* Returns the number of steps taken, the time in s, the length of a step in s, and the number of
  * steps that the scene file asks for. */

@@ -41,16 +41,57 @@ static pm_status take(pm_remote_scene *s) {
     return PM_OK;
 }
 
+// Returns the first live input without a value; -1: none.
+static int first_unset(const pm_remote_scene *s) {
+    int i = 0;
+    while (i < s->served->nlive && !isnan(s->input[i])) {
+        ++i;
+    }
+    return i < s->served->nlive ? i : -1;
+}
+
+// Holds the run where it is, and takes over what it has reached.
+static pm_status hold(pm_remote_scene *s) {
+    const portmet_control_t pause = {.kind = PORTMET_CONTROL_T_PAUSE};
+    pm_remote_interrupt_after(s->client, 0);
+    const pm_status status = pm_remote_ask(s->client, &pause, true);
+    return status == PM_OK ? take(s) : status;
+}
+
+// Takes over the result of a request.
+static pm_status finish(pm_remote_scene *s, pm_status status) {
+    s->interrupted = status == PM_EINTERRUPTED;
+    if (s->interrupted) {
+        return status;
+    }
+    if (pm_remote_awaits_input(s->client)) {
+        char reason[PM_TEXT_MAX + 1];
+        const int unset = first_unset(s);
+        snprintf(reason, sizeof reason, "%s%s%s%s", pm_error(), unset < 0 ? "" : ": the input ",
+                 unset < 0 ? "" : s->served->live[unset], unset < 0 ? "" : " is not set");
+        (void)hold(s);
+        return pm_fail(PM_ETIMEOUT, "%s", reason);
+    }
+    s->running = s->running && (s->was_running || status == PM_OK);
+    return status == PM_OK ? take(s) : status;
+}
+
+pm_status pm_remote_scene_wait(pm_remote_scene *s) {
+    pm_remote_interrupt_after(s->client, s->slice);
+    return finish(s, pm_remote_wait(s->client));
+}
+
 pm_status pm_remote_scene_ask(pm_remote_scene *s, portmet_control_t request) {
     const bool starts = request.kind == PORTMET_CONTROL_T_RESET;
     const bool stops = request.kind == PORTMET_CONTROL_T_STOP, running = s->running;
-    bool set = s->served->nlive > 0; // the inputs
-    for (int i = 0; i < s->served->nlive; ++i) {
-        set = set && !isnan(s->input[i]);
-    }
+    const bool set = s->served->nlive > 0 && first_unset(s) < 0; // the inputs
+    s->was_running = running;
     s->running = starts || (running && !stops);
     if (stops && !running) {
         return PM_OK;
+    }
+    if (s->interrupted && running && !stops) {
+        PM_TRY(hold(s));
     }
     if (starts && !running) {
         request.kind = PORTMET_CONTROL_T_START;
@@ -62,9 +103,8 @@ pm_status pm_remote_scene_ask(pm_remote_scene *s, portmet_control_t request) {
         request.nlive = s->served->nlive;
         request.live = s->input;
     }
-    const pm_status status = pm_remote_ask(s->client, &request, !starts || running);
-    s->running = s->running && (running || status == PM_OK);
-    return status == PM_OK ? take(s) : status;
+    pm_remote_interrupt_after(s->client, s->slice);
+    return finish(s, pm_remote_ask(s->client, &request, !starts || running));
 }
 
 pm_status pm_remote_scene_open(pm_remote_scene *s, const pm_remote_address *address) {

@@ -6,7 +6,7 @@
 #include "library/portmet.h"
 #include "lockstep/remote.h"
 
-// The caller reads the members, and writes `input`. All arrays keep their place.
+// The caller reads the members, and writes `input` and `slice`. All arrays keep their place.
 typedef struct pm_remote_scene {
     pm_arena arena;
     pm_transport *transport;
@@ -14,6 +14,9 @@ typedef struct pm_remote_scene {
     const pm_served *served;
     const char *name, *record;
     bool running;                                // a run of this client is under way
+    double slice;                                // s of waiting at a time (pm_remote_wait); 0: any
+    bool interrupted;                            // the last request has no answer yet
+    bool was_running;                            // the same before the present request
     int64_t step;                                // steps taken
     double time;                                 // s
     const double *array[PORTMET_LEDGER + 1];     // as in portmet.h
@@ -34,7 +37,12 @@ typedef struct pm_remote_address {
 pm_status pm_remote_scene_open(pm_remote_scene *scene, const pm_remote_address *address);
 
 // Sends a request with the inputs, if all are set, and takes over the reply. RESET begins a run
-// where none of this client is under way. Fails as pm_remote_ask does.
+// where none of this client is under way. Fails as pm_remote_ask does. Steps that wait for a live
+// input that nobody gives are not taken: the run is held before them.
 pm_status pm_remote_scene_ask(pm_remote_scene *scene, portmet_control_t request);
+
+// Goes on waiting for the last request after PM_EINTERRUPTED, which comes after `slice` s. Another
+// request holds the run first.
+pm_status pm_remote_scene_wait(pm_remote_scene *scene);
 
 #endif

@@ -132,8 +132,18 @@ static void reply_again(pm_control *control, const client *to) {
     // A reply that something is done has a state, which is not known while processes come together.
     const bool pending = to->reply == UNANSWERED || (to->reply == PORTMET_CONTROL_REPLY_T_DONE &&
                                                      control->active && c->completed < c->first);
+    // Steps that wait for a live input are held, as is a run whose steps are complete.
+    const char *awaited = pending && control->active && c->phase == PM_COORDINATOR_HELD &&
+                                  to->kind == PORTMET_CONTROL_T_ADVANCE
+                              ? pm_live_inputs_awaited(&c->live)
+                              : NULL;
+    char text[PM_CHANNEL_SIZE + 80] = "";
+    if (awaited != NULL) {
+        snprintf(text, sizeof text, "the run waits after step %lld for a message on %s",
+                 (long long)c->completed, awaited);
+    }
     reply(control, to, to->nonce, pending ? PORTMET_CONTROL_REPLY_T_PENDING : to->reply, to->code,
-          pending ? "" : to->text, 0);
+          pending ? text : to->text, 0);
 }
 
 static void keep_run(pm_control *control);

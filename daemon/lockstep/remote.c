@@ -13,6 +13,7 @@
 
 #define ASK_FIRST 0.02 // s until a request is repeated; each time takes twice as long
 #define ASK_LAST 1.0   // s
+#define ASKS 4.0       // times at least that a request is repeated before it fails
 #define LOOK 0.1       // s between two looks at the stop flag
 #define MOST_PAGES 2000
 
@@ -26,8 +27,15 @@ struct pm_client {
     portmet_control_reply_t reply, next; // the last one to this client; the one being decoded
     char text[PM_TEXT_MAX + 1], owner[PM_TEXT_MAX + 1]; // of `reply`
     double heard;                                       // s, when it came
-    int64_t digest;                                     // of what is served; 0: not known yet
-    unsigned char *data;                                // [capacity] the encoded request
+    // The present request: whether it waits until it is done, whether there was a reply to it, when
+    // it is repeated and how long after that again (s), and since when (s) the run has waited for a
+    // live input after which step.
+    bool whole, replied, starved; // starved: it has failed, since nobody gives the input
+    double again, pause, awaited;
+    int64_t awaited_step;
+    double slice;        // s of waiting at a time; 0: any
+    int64_t digest;      // of what is served; 0: not known yet
+    unsigned char *data; // [capacity] the encoded request
     size_t capacity;
 };
 
@@ -62,35 +70,67 @@ pm_status pm_remote_ask(pm_client *r, const portmet_control_t *request, bool wai
     r->request.sender = (char *)r->options.sender;
     r->request.file = request->file == NULL ? "" : request->file;
     r->heard = pm_clock();
-    bool replied = false;
-    for (double pause = ASK_FIRST, again = 0, now = r->heard;; now = pm_clock()) {
-        if (now >= again) {
+    r->whole = wait;
+    r->replied = r->starved = false;
+    r->again = 0;
+    r->pause = ASK_FIRST;
+    r->awaited = INFINITY;
+    return pm_remote_wait(r);
+}
+
+// Fails once the run has waited for a live input, after the same step, for as long as the client
+// waits for an answer.
+static pm_status check_awaited(pm_client *r, double now) {
+    if (r->reply.kind != PORTMET_CONTROL_REPLY_T_PENDING || r->text[0] == '\0') {
+        r->awaited = INFINITY;
+    } else if (!isfinite(r->awaited) || r->awaited_step != r->reply.step) {
+        r->awaited = now;
+        r->awaited_step = r->reply.step;
+    } else if (now > r->awaited + r->options.patience) {
+        r->starved = true;
+        return pm_fail(PM_ETIMEOUT, "scene %s: %s, and none has come within %g s", r->options.scene,
+                       r->reply.text, r->options.patience);
+    }
+    return PM_OK;
+}
+
+pm_status pm_remote_wait(pm_client *r) {
+    const double begin = pm_clock();
+    // A client with little patience asks often enough to hear that somebody is there.
+    const double longest = fmin(ASK_LAST, r->options.patience / ASKS);
+    for (double now = begin;; now = pm_clock()) {
+        if (now >= r->again) {
             const size_t size = pm_control_encode(&r->request, r->data, r->capacity);
             PM_TRY(size > 0 ? PM_OK
                             : pm_fail(PM_EUSAGE, "a number is not finite, or there are too many"));
             PM_TRY(pm_transport_publish(r->transport, r->channel, r->data, size));
-            again = now + pause;
-            pause = fmin(2 * pause, ASK_LAST);
+            r->again = now + r->pause;
+            r->pause = fmin(2 * r->pause, longest);
         }
         const double before = r->heard;
-        PM_TRY(pm_transport_wait(r->transport, fmin(again - now, LOOK), NULL));
+        PM_TRY(pm_transport_wait(r->transport, fmin(r->again - now, LOOK), NULL));
         if (r->options.stop != NULL && *r->options.stop != 0) {
             return pm_fail(PM_EINTERRUPTED, "interrupted");
         }
         const portmet_control_reply_t *reply = &r->reply;
         if (r->heard == before) {
+            if (r->slice > 0 && now > begin + r->slice) {
+                return pm_fail(PM_EINTERRUPTED, "no answer yet");
+            }
             if (now > r->heard + r->options.patience) {
-                const bool known = replied || r->digest == 0;
+                const bool known = r->replied || r->digest == 0;
                 return pm_fail(PM_ETIMEOUT, "no service of scene %s answers within %g s%s",
                                r->options.scene, r->options.patience,
                                known ? "" : ", or not all of its processes are there");
             }
             continue;
         }
-        replied = true;
+        r->replied = true;
+        PM_TRY(check_awaited(r, now));
         if (reply->kind == PORTMET_CONTROL_REPLY_T_AGAIN) {
-            again =
-                reply->ticket != r->request.ticket || reply->last >= r->request.nonce ? 0 : again;
+            if (reply->ticket != r->request.ticket || reply->last >= r->request.nonce) {
+                r->again = 0;
+            }
             r->request.ticket = reply->ticket;
             if (reply->last >= r->request.nonce) { // somebody forged a request of this client
                 r->request.nonce = reply->last + 1;
@@ -101,7 +141,7 @@ pm_status pm_remote_ask(pm_client *r, const portmet_control_t *request, bool wai
         } else if (reply->kind == PORTMET_CONTROL_REPLY_T_REFUSED) {
             return pm_fail(pm_endpoint_code(reply->code), "refused: %s", reply->text);
         } else if (reply->kind == PORTMET_CONTROL_REPLY_T_DONE ||
-                   (reply->kind == PORTMET_CONTROL_REPLY_T_ACCEPTED && !wait)) {
+                   (reply->kind == PORTMET_CONTROL_REPLY_T_ACCEPTED && !r->whole)) {
             return reply->code == 0 ? PM_OK
                                     : pm_fail(pm_endpoint_code(reply->code), "%s",
                                               reply->text[0] == '\0' ? "the service gives no reason"
@@ -246,6 +286,14 @@ done:
 
 void pm_remote_close(pm_client *remote) {
     PM_DELETE(remote);
+}
+
+void pm_remote_interrupt_after(pm_client *remote, double seconds) {
+    remote->slice = seconds;
+}
+
+bool pm_remote_awaits_input(const pm_client *remote) {
+    return remote->starved;
 }
 
 const pm_served *pm_remote_served(const pm_client *remote) {

@@ -25,10 +25,11 @@ typedef struct pm_served {
 } pm_served;
 
 typedef struct pm_remote_options {
-    const char *scene;                 // its name, borrowed
-    const char *sender;                // name of this client, for people; borrowed
-    int64_t session;                   // that the service was given; 0: none
-    double patience;                   // s without any reply, after which a request fails
+    const char *scene;  // its name, borrowed
+    const char *sender; // name of this client, for people; borrowed
+    int64_t session;    // that the service was given; 0: none
+    // s without any reply, or of waiting for one live input, after which a request fails
+    double patience;
     const volatile sig_atomic_t *stop; // a request fails soon after it is not 0; NULL: never
 } pm_remote_options;
 
@@ -45,9 +46,19 @@ const pm_served *pm_remote_served(const pm_client *remote);
 // Sends a request, and repeats it until it is done, or, unless `wait`, until it is accepted. The
 // caller sets its kind and what belongs to that; `client`, `nonce`, `ticket` and `sender` are set
 // here, and NULL stands for an empty text. Returns the code of the reply, with its text. A refusal
-// is such a code. PM_ETIMEOUT: nobody answers; PM_EUSAGE: a number is not finite; PM_ECONFIG:
-// another scene is served by now; PM_EINTERRUPTED, PM_ENET.
+// is such a code. PM_ETIMEOUT: nobody answers, or nobody gives a live input for which the run
+// waits; PM_EUSAGE: a number is not finite; PM_ECONFIG: another scene is served by now;
+// PM_EINTERRUPTED, PM_ENET.
 pm_status pm_remote_ask(pm_client *remote, const portmet_control_t *request, bool wait);
+
+// Lets a request return after `seconds` without its answer, with PM_EINTERRUPTED; 0, as at first:
+// it does not. pm_remote_wait goes on waiting for the last request, whose arrays must stay until
+// then, and returns what pm_remote_ask would have returned.
+void pm_remote_interrupt_after(pm_client *remote, double seconds);
+pm_status pm_remote_wait(pm_client *remote);
+
+// Returns true if the last request has failed since nobody gives a live input.
+bool pm_remote_awaits_input(const pm_client *remote);
 
 // Returns the last reply, valid until the next request.
 const portmet_control_reply_t *pm_remote_reply(const pm_client *remote);

@@ -375,6 +375,34 @@ class Listening(unittest.TestCase):
             service.terminate()
             self.assertEqual(service.wait(), 0)
 
+    def test_remote_inputs_missing(self):
+        path, velocity = "configs/live_double_pendulum.yaml", (0.3, -0.1)
+        service = subprocess.Popen(["portmetd", "serve", path], stderr=subprocess.DEVNULL)
+        try:
+            scene = portmet.Scene(path)
+            scene.inputs[scene.input_columns("pivot.dE/dp")] = velocity
+            with portmet.Remote("live_double_pendulum", timeout=2) as remote:
+                with self.assertRaisesRegex(portmet.Error, "after step 0 for a message on PIVOT.*vx.* not set") as failure:
+                    remote.step(2)
+                self.assertEqual(failure.exception.code, 8)
+                remote.inputs[:] = velocity  # the steps that failed are not taken
+                self.assertTrue((remote.step(3).state == scene.step(3).state).all())
+                self.assertEqual(remote.steps, 3)
+            # Ctrl-C while nobody gives the inputs.
+            with portmet.Remote("live_double_pendulum", timeout=60) as remote:
+                timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+                timer.start()
+                begin = time.monotonic()
+                with self.assertRaises(KeyboardInterrupt):
+                    remote.step(2)
+                self.assertLess(time.monotonic() - begin, 30)
+                timer.join()
+                remote.inputs[:] = velocity
+                self.assertEqual(remote.step(3).steps, 3)
+        finally:
+            service.terminate()
+            self.assertEqual(service.wait(), 0)
+
     def test_remote_with_key(self):
         with tempfile.TemporaryDirectory() as folder:
             path, key = os.path.join(folder, "keyed.yaml"), os.path.join(folder, "key")

@@ -14,6 +14,9 @@ STATE, ENERGY, ENTROPY, BULK_ENERGY, BULK_ENTROPY, FLUX, LEDGER = range(7)
  SCENE, COENERGY, COENERGY_UNIT, REACTION, REACTION_UNIT, WEIGHT) = range(15)
 
 
+INTERRUPTED = 12  # PORTMET_EINTERRUPTED
+
+
 class Error(RuntimeError):
     """What libportmet or a program of portmet refused: `code` is the exit code of its class."""
 
@@ -62,6 +65,8 @@ def _load() -> typing.Any:
         "portmet_scene_checkpoint": (ctypes.c_int, [scene, text]),
         "portmet_scene_restore": (ctypes.c_int, [scene, text]),
         "portmet_scene_stop": (ctypes.c_int, [scene]),
+        "portmet_scene_interrupt_after": (ctypes.c_int, [scene, number]),
+        "portmet_scene_wait": (ctypes.c_int, [scene]),
         "portmet_scene_steps": (ctypes.c_int64, [scene]),
         "portmet_scene_time": (number, [scene]),
         "portmet_scene_dt": (number, [scene]),

@@ -13,11 +13,14 @@ if typing.TYPE_CHECKING:
     from typing_extensions import Self
 
 
+_LOOK = 0.1  # s of waiting between two looks at signals
+
+
 class Remote(Scene):
     """The scene `name` (or "name:session") that `portmetd serve` offers at the LCM `url`. Opening it begins a run
     without a last step, held at the scene's initial state; `record` names its recording in the folder of the
     service, and `key_file` holds the key of the scene. `inputs` are its live inputs. A call fails after `timeout`
-    seconds without an answer."""
+    seconds without an answer, or of waiting for an input that nobody gives; such a step is not taken."""
 
     def __init__(self, name: str, *, url: str | None = None, key_file: str | os.PathLike[str] | None = None,
                  record: str | None = None, timeout: float = 10.0) -> None:
@@ -26,26 +29,33 @@ class Remote(Scene):
             ctypes.byref(pointer), name.encode(), None if url is None else url.encode(), c.path_bytes(key_file),
             None if record is None else record.encode(), timeout))
         self._open(pointer)
+        c.check(c.library.portmet_scene_interrupt_after(self._pointer, _LOOK))
+
+    def _check(self, code: int) -> None:
+        while code == c.INTERRUPTED:  # signals, such as Ctrl-C, are answered between two waits
+            code = c.library.portmet_scene_wait(self._pointer)
+        c.check(code)
 
     def set_state(self, state: ArrayLike) -> Self:
         """Goes on at `state` [variables] with the next step. The energy and the entropy by which it differs
         come from the outside: the totals of the ledger stay."""
-        c.check(c.library.portmet_scene_set_state(self._pointer, self._whole_state(state).ctypes.data))
+        z = self._whole_state(state)  # stays until there is an answer
+        self._check(c.library.portmet_scene_set_state(self._pointer, z.ctypes.data))
         return self
 
     def checkpoint(self, name: str) -> Self:
         """Keeps state and ledger under `name` in the folder of the service."""
-        c.check(c.library.portmet_scene_checkpoint(self._pointer, name.encode()))
+        self._check(c.library.portmet_scene_checkpoint(self._pointer, name.encode()))
         return self
 
     def restore(self, name: str) -> Self:
         """Takes the run to what is kept under `name`, by this run or an earlier one."""
-        c.check(c.library.portmet_scene_restore(self._pointer, name.encode()))
+        self._check(c.library.portmet_scene_restore(self._pointer, name.encode()))
         return self
 
     def close(self) -> None:
         """Ends the run; the service stays, and so do the arrays."""
-        c.check(c.library.portmet_scene_stop(self._pointer))
+        self._check(c.library.portmet_scene_stop(self._pointer))
 
     def copy(self) -> Scene:
         """Is refused: checkpoint() keeps the state of a run."""

@@ -273,12 +273,16 @@ class Scene:
         left = c.step_count(count)
         while True:
             piece, begin = min(left, self._piece), time.monotonic()
-            c.check(c.library.portmet_scene_step(self._pointer, piece))
+            self._check(c.library.portmet_scene_step(self._pointer, piece))
             left -= piece
             if left == 0:
                 return self
             took = time.monotonic() - begin
             self._piece = max(1, self._piece // 2) if took > 0.1 else self._piece * (2 if took < 0.05 else 1)
+
+    def _check(self, code: int) -> None:
+        """Raises Error unless a call of this scene has succeeded."""
+        c.check(code)
 
     def run(self) -> Self:
         """Steps to the end of the scene."""
@@ -287,7 +291,7 @@ class Scene:
     def restart(self, state: ArrayLike | None = None) -> Self:
         """Begins again at step 0, at `state` [variables] or at the scene's initial state."""
         z = None if state is None else self._whole_state(state)
-        c.check(c.library.portmet_scene_restart(self._pointer, None if z is None else z.ctypes.data))
+        self._check(c.library.portmet_scene_restart(self._pointer, None if z is None else z.ctypes.data))
         return self
 
     def _whole_state(self, state: ArrayLike) -> Numbers:
