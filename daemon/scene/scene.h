@@ -202,6 +202,9 @@ typedef struct pm_scene {
     pm_arena arena;   // owns all that follows
     const char *path; // as given to pm_scene_load
     const char *name; // letters, digits, '_' only
+    // The system of the world that the scene describes, as the weights of its fits record it; NULL:
+    // not said.
+    const char *system;
     pm_physics physics;
     pm_run run;
     pm_network network;

@@ -3,6 +3,7 @@
 // (relative_to) after all subsystems. Other files read `live_inputs` and `processes`.
 #include "scene/scene_reader.h"
 
+#include <ctype.h>
 #include <float.h>
 #include <limits.h>
 #include <math.h>
@@ -23,6 +24,7 @@
 #define LARGEST_RESIDUAL 1e-12 // relative, of a law of a hard port, where the scene says nothing
 #define DEFAULT_PATIENCE 10    // s
 #define DEFAULT_CHECKPOINT 100 // steps
+#define MAX_SYSTEM 80          // characters of the name of a system
 #define MAX_MESSAGE 512        // characters of a list in a message
 
 // Reads a path and resolves it against the folder of the scene file.
@@ -1004,12 +1006,31 @@ done:
 
 // --- the whole ---
 
+// Reads the name of the system, which other programs write between quotation marks.
+static pm_status read_system(pm_scene_reader *r) {
+    const pm_yaml value = pm_yaml_get(r->root, "system");
+    if (!pm_yaml_exists(value)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_yaml_text(value, r->arena, &r->scene->system));
+    const char *at = r->scene->system;
+    while (*at != '\0' && isprint((unsigned char)*at) && *at != '"' && *at != '\\') {
+        ++at;
+    }
+    return at > r->scene->system && *at == '\0' && at - r->scene->system <= MAX_SYSTEM
+               ? PM_OK
+               : pm_yaml_fail(value,
+                              "expected 1 to %d printable ASCII characters without quotation marks "
+                              "and backslashes",
+                              MAX_SYSTEM);
+}
+
 static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     static const char *const keys[] = {
         "scene",    "url",    "key_file",     "time",        "subsystems", "boundary_inputs",
         "models",   "ports",  "processes",    "reference",   "laws",       "guards",
         "lockstep", "record", "observations", "live_inputs", "tap",        "start",
-        NULL};
+        "system",   NULL};
     pm_yaml value;
     pm_scene *scene = NULL;
     PM_TRY(PM_NEW(scene, "a scene"));
@@ -1020,6 +1041,7 @@ static pm_status scene_from(pm_scene **result, pm_yaml root, const char *path) {
     PM_TRY_DONE(pm_yaml_allow(r.root, keys));
     PM_TRY_DONE(pm_yaml_require(r.root, "scene", &value));
     PM_TRY_DONE(pm_scene_read_name(&r, value, &r.scene->name));
+    PM_TRY_DONE(read_system(&r));
     PM_TRY_DONE(read_network(&r));
     PM_TRY_DONE(read_time(&r));
     PM_TRY_DONE(read_subsystems(&r));

@@ -464,10 +464,24 @@ static bool are_mixed(const pm_provenance *a, const pm_provenance *b) {
     return false;
 }
 
-// Checks that weights are used where they were trained: no two subsystems have exchanged their
-// weights, the files of one folder are of one fit, and no group has lost or gained relative_to.
-// Weights of a subsystem with other column names pass, since they are reused on purpose. Weights
-// without a record pass too.
+// Checks that the weights of a component are of the system that the scene says, as far as both are
+// known.
+static pm_status check_named_system(const pm_system *system, int component) {
+    const pm_provenance *own = system->component[component].provenance;
+    const source from = source_of(system->scene, component);
+    if (!differ(own->system, system->scene->system)) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EWEIGHTS,
+                   "%s: %s: the weights %s are of the system \"%.80s\", the scene is of \"%.80s\"; "
+                   "without the key `system` it takes weights of any",
+                   from.weights_at, from.name, own->path, own->system, system->scene->system);
+}
+
+// Checks that weights are used where they were trained: they are of the system that the scene says,
+// no two subsystems have exchanged their weights, the files of one folder are of one fit, and no
+// group has lost or gained relative_to. Weights of a subsystem with other column names pass, since
+// they are reused on purpose. Weights without a record pass too.
 static pm_status check_origin(pm_system *system) {
     const pm_physics *physics = &system->scene->physics;
     const int count = pm_system_components(system);
@@ -478,6 +492,7 @@ static pm_status check_origin(pm_system *system) {
         if (own->path == NULL || system->owner[i] != i) {
             continue;
         }
+        PM_TRY(check_named_system(system, i));
         known[nknown++] = own;
         for (int k = 0; k < nknown - 1; ++k) {
             const pm_provenance *other = known[k];

@@ -36,10 +36,10 @@ typedef struct pm_system {
 // Declares every known model of the scene and loads every weights file that it names; if
 // `weights_dir` is not NULL, it loads the file of the same name from that folder instead. `scene`
 // is borrowed; the caller frees the system. PM_EWEIGHTS: layouts, law, coordinates or steps of the
-// weights differ from the scene's; two subsystems have exchanged their weights; or the groups of a
-// solid are not those of its mesh. PM_ECONFIG: a known model or a boundary input is incomplete, or
-// a subsystem has a mesh and is no solid. PM_EDATA, PM_EFILE, PM_ENOMEM. Messages begin with the
-// place in the scene.
+// weights differ from the scene's; they are of another system; two subsystems have exchanged their
+// weights; or the groups of a solid are not those of its mesh. PM_ECONFIG: a known model or a
+// boundary input is incomplete, or a subsystem has a mesh and is no solid. PM_EDATA, PM_EFILE,
+// PM_ENOMEM. Messages begin with the place in the scene.
 pm_status pm_system_load(pm_system **system, const pm_scene *scene, const char *weights_dir);
 // Makes a system for training, with the scene's layouts. The caller sets specs and parameters.
 // PM_ENOMEM.

@@ -67,6 +67,9 @@ static pm_status write_provenance(pm_hdf5 *file, const pm_provenance *p, uint64_
     if (is_given(p->fit)) {
         PM_TRY(pm_hdf5_write_text(file, "/", "fit", p->fit));
     }
+    if (is_given(p->system)) {
+        PM_TRY(pm_hdf5_write_text(file, "/", "system", p->system));
+    }
     if (is_given(p->trajectories)) {
         PM_TRY(pm_hdf5_write_text(file, "/", "trajectories", p->trajectories));
     }
@@ -185,6 +188,7 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
                          .integrator = "",
                          .verdict = "",
                          .fit = "",
+                         .system = "",
                          .trajectories = "",
                          .relative = ""};
     // Older files have no record of the training data and of the columns of the state.
@@ -204,6 +208,9 @@ static pm_status read_provenance(const pm_hdf5 *file, const char *path, pm_arena
     }
     if (pm_hdf5_is_text(file, "/", "fit")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "fit", arena, &p->fit));
+    }
+    if (pm_hdf5_is_text(file, "/", "system")) {
+        PM_TRY(pm_hdf5_read_text(file, "/", "system", arena, &p->system));
     }
     if (pm_hdf5_is_text(file, "/", "trajectories")) {
         PM_TRY(pm_hdf5_read_text(file, "/", "trajectories", arena, &p->trajectories));

@@ -8,6 +8,7 @@
 //     integrator, step (s)       only if the training fitted steps
 //     verdict       of the fit that made them, beginning with a word such as "good" or "UNFIT"
 //     fit           a digest that all files of one fit share, and the names of these files
+//     system        the system that the scene of the fit describes: its key `system`, or its name
 //     trajectories, seen         the trajectories of the training, as text, and a digest of each
 //     columns       a digest of the names of the state's columns
 //     relative      the groups that are measured from a neighbour (relative_to)
@@ -51,6 +52,8 @@ struct pm_provenance {
     // "0123456789abcdef upper.h5 lower.h5": a digest that all files of one fit share, and the names
     // of these files. "" or, when saving, NULL: not known.
     const char *fit;
+    // The system that the scene of the fit describes. "" or, when saving, NULL: not known.
+    const char *system;
     // The trajectories of the training: as text, such as "0:4,5:9" ("" or, when saving, NULL: not
     // known), and the digest of each (dataset.h), by which evaluations recognise them in any file.
     const char *trajectories;

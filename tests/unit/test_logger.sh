@@ -44,6 +44,9 @@ succeed "trajectories 0 of 150 states" fit "$folder/motor/one.yaml" -o "$folder/
 succeed "steps in violation                    0 of" evaluate "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --data "$folder"/motor_5.csv
 program=$portmetd
 succeed "system_u" run "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --in-process
+# The weights are of the data from which the scene was proposed, and a scene of other data refuses them.
+sed 's/^system: "data .*/system: "data of another motor"/' "$folder/motor/scene.yaml" >"$folder/motor/other.yaml"
+expect 6 'the scene is of "data of another motor"' run "$folder/motor/other.yaml" --in-process
 program=$train
 
 # A pendulum of which only the angle is known, with noise: its velocity is found, and scales that nothing shows are 1.

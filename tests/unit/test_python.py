@@ -173,6 +173,12 @@ class Scenes(unittest.TestCase):
         scene.step(0)
         self.assertEqual(portmet._library.library.portmet_error(), b"")
 
+    def test_weights_of_another_system(self):
+        with self.assertRaisesRegex(portmet.Error, 'of the system "double_pendulum_fast", the scene is of') as refused:
+            portmet.Scene("configs/double_pendulum.yaml", weights="configs/weights/double_pendulum_fast")
+        self.assertEqual(refused.exception.code, 6)
+        portmet.Scene("configs/double_pendulum.yaml", weights="configs/weights/double_pendulum_wide").step(1)
+
     def test_interruption(self):
         scene = portmet.Scene("configs/double_pendulum.yaml")
         timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))

@@ -224,6 +224,7 @@ static const yaml_case bad[] = {
     {"scene: pair\n", "", "url", "missing key \"scene\""},
     {"scene: pair", "scene: a-b", "a-b", "scene: expected a name of a letter"},
     {"scene: pair", "scene: " NAME48 "w", "abc", "at most 48"},
+    {"scene: pair\n", "scene: pair\nsystem: a\\b\n", "a\\b", "system: expected 1 to 80 printable"},
     {"url:", "uri:", "uri",
      "unknown key \"uri\"; allowed: scene, url, key_file, time, subsystems, boundary_inputs"},
     // time, laws and the rest

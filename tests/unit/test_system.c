@@ -58,6 +58,7 @@ static pm_scene *edited(scratch *folder, const char *from, const char *to) {
 
 // Of what is saved next.
 static const char *part_coordinates, *port_coordinates, *part_integrator, *part_fit, *port_fit;
+static const char *port_system;
 static bool ranged; // the part has a training range: p from 1 to 2 kg m/s, s from 3 to 4 J/K
 
 static void save_part(pm_part *part, pm_arena *arena, const char *path) {
@@ -88,8 +89,11 @@ static void save_part(pm_part *part, pm_arena *arena, const char *path) {
 static void save_port(pm_port_model *port, pm_arena *arena, const char *path) {
     pm_yaml_document *document = NULL;
     pm_yaml root;
-    const pm_provenance provenance = {
-        .command = "test", .data = "", .coordinates = port_coordinates, .fit = port_fit};
+    const pm_provenance provenance = {.command = "test",
+                                      .data = "",
+                                      .coordinates = port_coordinates,
+                                      .fit = port_fit,
+                                      .system = port_system};
     assert_int_equal(pm_yaml_parse(&document,
                                    "law: bracket\n"
                                    "irreversible: {learned: {acts_on: [a.s, b.s]}}\n",
@@ -114,6 +118,7 @@ static void save_weights(scratch *folder) {
 // Weights of which nothing is recorded.
 static int plain(void **state) {
     part_coordinates = port_coordinates = part_integrator = part_fit = port_fit = NULL;
+    port_system = NULL;
     ranged = false;
     save_weights(*state);
     return 0;
@@ -313,6 +318,20 @@ static void test_fits(void **state) {
     }
 }
 
+// Where a scene says which system it describes, it takes the weights of no other one, though all
+// sizes and names are equal; weights that say nothing are those of older fits.
+static void test_named_system(void **state) {
+    port_system = "cart";
+    save_weights(*state);
+    digest_of(good, *state, "pair\n", "pair\nsystem: cart\n");
+    digest_of(good, *state, "pair", "pair");
+    assert_refused(*state, "pair\n", "pair\nsystem: crane\n", "9:20: joint",
+                   "joint.h5 are of the system \"cart\", the scene is of \"crane\"");
+    port_system = NULL;
+    save_weights(*state);
+    digest_of(good, *state, "pair\n", "pair\nsystem: crane\n");
+}
+
 // States in another unit, or of another system, lie far from what the weights have seen.
 static void test_range(void **state) {
     ranged = true;
@@ -426,6 +445,7 @@ int main(void) {
         cmocka_unit_test(test_matrix),
         cmocka_unit_test(test_mismatch),
         cmocka_unit_test_teardown(test_fits, plain),
+        cmocka_unit_test_teardown(test_named_system, plain),
         cmocka_unit_test_teardown(test_range, plain),
         cmocka_unit_test(test_weights_folder),
         cmocka_unit_test(coordinates_must_agree_where_they_are_known),

@@ -33,6 +33,7 @@ static const pm_provenance provenance = {.command = "portmet-train fit train.yam
                                          .integrator = "rk4",
                                          .step = 0.0375,
                                          .verdict = "fair: rollouts have 7 % of that error",
+                                         .system = "two bodies",
                                          .seed = UINT64_MAX - 1,
                                          .loss = 1.25e-7,
                                          .seconds = 12.5};
@@ -119,6 +120,7 @@ static void a_subsystem_comes_back_bit_by_bit(void **state) {
     assert_string_equal(p.data, provenance.data);
     assert_string_equal(p.integrator, provenance.integrator);
     assert_string_equal(p.verdict, provenance.verdict);
+    assert_string_equal(p.system, provenance.system);
     assert_true(p.step == provenance.step);
     assert_true(p.seed == provenance.seed);
     assert_true(p.loss == provenance.loss && p.seconds == provenance.seconds);

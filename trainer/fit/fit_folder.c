@@ -173,6 +173,8 @@ static pm_status save_weights(pm_fit *f, bool loud) {
         .integrator = steps ? loss->integrator->name : NULL,
         .step = steps ? f->training->scene->physics.dt / loss->substeps : 0,
         .fit = fit,
+        .system = f->training->scene->system != NULL ? f->training->scene->system
+                                                     : f->training->scene->name,
         .verdict = *f->verdict == '\0' ? "unfinished: the fit was not judged" : f->verdict,
         .trajectories = f->split.training,
         .nseen = f->dataset->ntrajectory,

@@ -1,11 +1,13 @@
 // The text of a scene and of a training file for a logger's columns.
 #include "propose/logger_draft.h"
 
+#include <inttypes.h>
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "base/digest.h"
 #include "base/files.h"
 #include "base/path.h"
 #include "propose/logger_laws.h"
@@ -267,6 +269,10 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     // The error of a step is of order 4. Laws may be stiffer in places than regressions show.
     const double finer = ceil(least * sqrt(sqrt(draft->coarse / MOST_COARSE)));
     wanted = draft->most > 0 ? least : fmin(fmax(wanted, finer), STIFFER * wanted);
+    uint64_t digest = PM_DIGEST_INIT;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        digest = pm_digest_integer(digest, (int64_t)pm_dataset_digest(d, i));
+    }
     int shortest = d->ntime;
     bool surroundings = false, level = false;
     for (int i = 0; i < d->ntrajectory; ++i) {
@@ -283,9 +289,10 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             "entropies and\n"
             "# fluxes that belong to them are inside (`coenergy: true`).\n"
             "scene: logger\n"
+            "system: \"data %016" PRIx64 "\"   # weights of other data are refused\n"
             "time: {dt: %.17g, steps: %d, integrator: rk4, substeps: %d}\n"
             "subsystems:\n",
-            d->ntrajectory, d->ntime, d->dt, shortest > 1 ? shortest - 1 : 1,
+            d->ntrajectory, d->ntime, digest, d->dt, shortest > 1 ? shortest - 1 : 1,
             (int)fmin(fmax(wanted, 1), MOST_SUBSTEPS));
     for (int i = 0; i < v->npart; ++i) {
         fprintf(f, "  %s:\n    weights: weights/%s.h5\n    state:\n", v->part[i], v->part[i]);

@@ -298,14 +298,19 @@ pm_status pm_propose_scene_of_one(const pm_scene *scene, const char *path) {
     PM_TRY(pm_files_create(&file, path, NULL));
     fprintf(file,
             "# %s as one subsystem, for models without structure.\n"
-            "scene: %s\n"
+            "scene: %s\n",
+            scene->path, scene->name);
+    if (scene->system != NULL) {
+        fprintf(file, "system: \"%s\"\n", scene->system);
+    }
+    fprintf(file,
             "time: {dt: %.17g, steps: %d, integrator: %s, substeps: %d}\n"
             "subsystems:\n"
             "  all:\n"
             "    weights: weights/all.h5\n"
             "    state:\n",
-            scene->path, scene->name, scene->physics.dt, scene->run.steps,
-            needs_energy ? "rk4" : own->name, scene->physics.substeps);
+            scene->physics.dt, scene->run.steps, needs_energy ? "rk4" : own->name,
+            scene->physics.substeps);
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         const pm_scene_subsystem *subsystem = &scene->physics.subsystem[i];
         for (int g = 0; g < subsystem->layout.ngroup; ++g) {
