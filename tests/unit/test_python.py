@@ -171,7 +171,11 @@ class Scenes(unittest.TestCase):
                 wrong()
             self.assertEqual((scene.steps, scene.state.tobytes()), (2, state.tobytes()))
         scene.step(0)
-        self.assertEqual(portmet._library.library.portmet_error(), b"")
+        library = portmet._library.library
+        self.assertEqual(library.portmet_error(), b"")
+        for code in (library.portmet_scene_interrupt_after(scene._pointer, 0.1), library.portmet_scene_wait(scene._pointer)):
+            self.assertEqual(code, 2)
+            self.assertIn(b"is stepped here", library.portmet_error())
 
     def test_weights_of_another_system(self):
         with self.assertRaisesRegex(portmet.Error, 'of the system "double_pendulum_fast", the scene is of') as refused:
