@@ -1464,7 +1464,17 @@ static bool measure_distances(const pm_logger_view *v, const pm_logger_hints *hi
         if (next >= 0) {
             done[next] = true;
         }
-        if (from >= 0 && held[next] < HELD) {
+        // Springs that pass between the same two parts are one, in several directions.
+        double all = 0, count = 0;
+        for (int q = 0; q < v->nvariable && from >= 0; ++q) {
+            for (int p = 0; p < v->nvariable; ++p) {
+                const bool beside = spring[q][p] && v->column[q].part == v->column[next].part &&
+                                    v->column[p].part == v->column[from].part;
+                all += beside ? held[q] : 0;
+                count += beside;
+            }
+        }
+        if (from >= 0 && all < HELD * count) {
             base[v->column[next].id] = v->column[from].id;
             any = true;
         }
