@@ -12,11 +12,12 @@
 #define PM_SIMD_CLONES
 #endif
 
-// Before a loop whose rounds do not depend on each other, whatever its pointers are.
-#if defined(__clang__)
-#define PM_SIMD_LOOP _Pragma("clang loop vectorize(assume_safety)")
-#else
+// Before a loop whose rounds do not depend on each other, whatever its pointers are. Clang finds
+// that out when the program runs.
+#if defined(__GNUC__) && !defined(__clang__)
 #define PM_SIMD_LOOP _Pragma("GCC ivdep")
+#else
+#define PM_SIMD_LOOP
 #endif
 
 #endif
