@@ -89,7 +89,6 @@ typedef struct pm_instruction {
     // operand is repeated. The number of items, in size[0], is only known when the program runs.
     int size[3];
     ptrdiff_t step[3], step_a[3], step_b[3]; // of the result, a and b
-    bool is_one_row;                         // all operands have the result's numbers one by one
     double *out;
     const double *a, *b;
     const double *const *part; // [nindex] the operands of concat
@@ -124,7 +123,8 @@ enum { PM_ROW_NEITHER, PM_ROW_SECOND, PM_ROW_FIRST, PM_ROW_NFORM };
 void pm_rows_run(const pm_row *row, const pm_row *end, int batch);
 
 typedef struct pm_operation {
-    void (*run)(const pm_instruction *x, int batch); // NULL: nothing to compute
+    // NULL: there is nothing to compute, or each instruction has a short form.
+    void (*run)(const pm_instruction *x, int batch);
     // The derivative rule. Given the result and its adjoint, it returns the adjoint of operand
     // number `i`, in the operand's shape, or PM_NO_NODE for zero. NULL: the operation has no
     // operands.

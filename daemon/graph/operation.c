@@ -67,14 +67,6 @@ static pm_node reduce(pm_graph *g, pm_node x, pm_node d, int i) {
 #define ROWS(NAME, VALUE)                                                                   \
     PM_SIMD_CLONES static void run_##NAME(const pm_instruction *x, int batch) {             \
         const int outer = x->size[0] > 0 ? x->size[0] : batch;                              \
-        if (x->is_one_row) {                                                                \
-            const ptrdiff_t n = (ptrdiff_t)outer * x->size[2], step = 1;                    \
-            const ptrdiff_t step_a = x->step_a[2], step_b = x->step_b[2];                   \
-            const double *pa = x->a, *pb = x->b;                                            \
-            double *out = x->out;                                                           \
-            ROW(VALUE)                                                                      \
-            return;                                                                         \
-        }                                                                                   \
         const int size[3] = {outer, x->size[1], x->size[2]};                                \
         const bool by_item = size[2] < SHORT_ROW && outer > 1;                              \
         const int d0 = by_item ? 1 : 0, d1 = by_item ? 2 : 1, d2 = by_item ? 0 : 2;         \
@@ -99,22 +91,12 @@ static pm_node reduce(pm_graph *g, pm_node x, pm_node d, int i) {
     }
 PM_BINARY_OPERATIONS(BINARY)
 
-#define UNARY(OPERATION, NAME, VALUE, DERIVATIVE)                               \
-    PM_SIMD_CLONES static void run_##NAME(const pm_instruction *x, int batch) { \
-        const size_t n = entries(x->shape, batch);                              \
-        const double number = x->number, *pa = x->a;                            \
-        double *out = x->out;                                                   \
-        (void)number;                                                           \
-        for (size_t i = 0; i < n; ++i) {                                        \
-            const double a = pa[i];                                             \
-            out[i] = VALUE;                                                     \
-        }                                                                       \
-    }                                                                           \
-    static pm_node adjoint_##NAME(pm_graph *g, pm_node x, pm_node dx, int i) {  \
-        const pm_node a = operand(g, x, i);                                     \
-        const double number = pm_graph_node_at(g, x)->number;                   \
-        (void)a, (void)number, (void)dx;                                        \
-        return DERIVATIVE;                                                      \
+#define UNARY(OPERATION, NAME, VALUE, DERIVATIVE)                              \
+    static pm_node adjoint_##NAME(pm_graph *g, pm_node x, pm_node dx, int i) { \
+        const pm_node a = operand(g, x, i);                                    \
+        const double number = pm_graph_node_at(g, x)->number;                  \
+        (void)a, (void)number, (void)dx;                                       \
+        return DERIVATIVE;                                                     \
     }
 PM_UNARY_OPERATIONS(UNARY)
 
@@ -475,13 +457,14 @@ static pm_node adjoint_scatter_add_rows(pm_graph *g, pm_node x, pm_node dx, int 
 
 // --- the table ---
 
-#define ELEMENTWISE(OPERATION, NAME, ...) [PM_OP_##OPERATION] = {run_##NAME, adjoint_##NAME, true},
+#define OF_TWO(OPERATION, NAME, ...) [PM_OP_##OPERATION] = {run_##NAME, adjoint_##NAME, true},
+#define OF_ONE(OPERATION, NAME, ...) [PM_OP_##OPERATION] = {NULL, adjoint_##NAME, true},
 #define OTHER(OPERATION, NAME) [PM_OP_##OPERATION] = {run_##NAME, adjoint_##NAME, false},
 
 // clang-format off
 const pm_operation pm_operations[PM_OP_COUNT] = {
-    PM_BINARY_OPERATIONS(ELEMENTWISE)
-    PM_UNARY_OPERATIONS(ELEMENTWISE)
+    PM_BINARY_OPERATIONS(OF_TWO)
+    PM_UNARY_OPERATIONS(OF_ONE)
     PM_OTHER_OPERATIONS(OTHER)
 };
 // clang-format on

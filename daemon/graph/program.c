@@ -294,8 +294,6 @@ static void emit(pm_program *p, const memory_plan *plan, pm_node handle) {
     if (pm_operations[node->op].in_place || sums || node->op == PM_OP_BROADCAST_TO) {
         join_loops(x);
     }
-    x->is_one_row = (x->size[0] == 1 && x->size[1] == 1) ||
-                    (same_shape(x->shape_a, x->shape) && same_shape(x->shape_b, x->shape));
     if (node->nindex > 0) {
         int *index = pm_arena_array(&p->arena, (size_t)node->nindex, sizeof *index);
         x->index =

@@ -85,8 +85,9 @@ typedef struct pm_constants {
     const double *value;
     const pm_constant_kind *learned; // NULL: all are known
     const bool *shared;              // learned once for all components that name it; NULL: none is
-    // What it multiplies may not be there at all, and without it the constants in this text mean
-    // nothing: "", or " NAME NAME ... "; NULL: it is needed. NULL list: all are.
+    // A constant with a text is optional: what it multiplies may not be there at all. Without it
+    // the constants that the text names mean nothing: "", or " NAME NAME ... ". NULL: the constant
+    // is needed; no list: all are.
     const char *const *optional;
 } pm_constants;
 

@@ -410,7 +410,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
             return;
         }
     }
-    // What is hidden beside a law that is known well adds to it; else all begins anew.
+    // A hidden variable adds to a law that is known well; beside another one, all begins anew.
     const bool keeps = !pm_logger_hides(guess) || s->lean[s->best];
     s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
     s->lean[s->count] = keeps && s->lean[s->best];
