@@ -364,11 +364,13 @@ pm_node pm_slice(pm_graph *g, pm_node x, int first, int count) {
         return x;
     }
     assert(first >= 0 && count > 0 && first + count <= from.cols);
-    // A slice of columns that pm_place filled is what it placed.
+    // A slice around what pm_place placed places it. A slice of a slice stays one, since
+    // derivatives by the slice are asked for.
+    const pm_graph_node *node = pm_graph_node_at(g, x);
     if (is_op(g, x, PM_OP_PLACE)) {
-        const pm_graph_node *placed = pm_graph_node_at(g, x);
-        if (placed->first == first && pm_graph_shape(g, placed->operand[0]).cols == count) {
-            return placed->operand[0];
+        const int begin = node->first - first, cols = pm_graph_shape(g, node->operand[0]).cols;
+        if (begin >= 0 && begin + cols <= count) {
+            return pm_place(g, node->operand[0], begin, count);
         }
     }
     return intern_unary(g, PM_OP_SLICE, (pm_shape){from.batched, from.rows, count}, x, 0, first);
@@ -380,6 +382,10 @@ pm_node pm_place(pm_graph *g, pm_node x, int first, int cols) {
         return x;
     }
     assert(first >= 0 && first + from.cols <= cols);
+    if (is_op(g, x, PM_OP_PLACE)) {
+        const pm_graph_node *placed = pm_graph_node_at(g, x);
+        return pm_place(g, placed->operand[0], placed->first + first, cols);
+    }
     return intern_unary(g, PM_OP_PLACE, (pm_shape){from.batched, from.rows, cols}, x, 0, first);
 }
 

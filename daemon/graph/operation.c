@@ -410,8 +410,15 @@ static pm_node adjoint_concat(pm_graph *g, pm_node x, pm_node dx, int i) {
     for (int j = 0; j < i; ++j) {
         first += pm_graph_shape(g, operand(g, x, j)).cols;
     }
-    const pm_node part = pm_slice(g, dx, first, pm_graph_shape(g, operand(g, x, i)).cols);
-    return reduce(g, x, part, i);
+    const int cols = pm_graph_shape(g, operand(g, x, i)).cols;
+    const pm_graph_node *node = pm_graph_node_at(g, dx);
+    if (node->op == PM_OP_PLACE) { // elsewhere it is zero
+        const int begin = node->first, end = begin + pm_graph_shape(g, node->operand[0]).cols;
+        if (end <= first || begin >= first + cols) {
+            return PM_NO_NODE;
+        }
+    }
+    return reduce(g, x, pm_slice(g, dx, first, cols), i);
 }
 
 static void run_gather_rows(const pm_instruction *x, int batch) {

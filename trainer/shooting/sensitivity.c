@@ -1,56 +1,91 @@
-// Builds the graph of one step and of the measured columns with one reverse pass for each
-// component, and multiplies the Jacobians of successive steps.
+// Builds the graphs of the rate and of the measured columns with one reverse pass for each
+// component, and carries the derivatives of the states through the stages of the integrator. A row
+// of the Jacobian of a rate holds what one equation depends on, where a row of that of a step would
+// hold nearly everything, once for each stage.
 #include "shooting/sensitivity.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/linalg.h"
+#include "base/simd.h"
 #include "data/trained.h"
 #include "graph/program.h"
 #include "sim/step_graph.h"
 
-// A program with one output vector and its Jacobian.
+#define LANES 16 // states in a run of a program
+
+// A program with one output vector and its Jacobian, for LANES items.
 typedef struct jacobian {
     pm_program *program;
+    bool outermost; // items are; else they are innermost (pm_program_open_lanes)
     pm_node z, input, stretch, value;
     int size;          // components of the value
     pm_node *by_z;     // [size], PM_NO_NODE where independent
     pm_node *by_entry; // [size][nentry] likewise
 } jacobian;
 
+// An implicit method is a method of one stage, whose rate is the change over the whole step.
+static const pm_integrator whole = {.nstage = 1, .b = {1}};
+
 struct pm_sensitivity {
     pm_arena arena; // owns the arrays
     pm_sensitivity_how how;
+    const pm_integrator *method;
+    int substeps; // of the method
+    double h;     // length of these in s; 1 for whole steps
     bool derivatives;
     int nz, ny, nentry, nweight, ninput;
     pm_trained *trained; // [nentry]
-    jacobian step, columns;
-    double *a, *b;                 // [size][nz], [size][nweight] of one item
-    double *c;                     // [nz][nz or nweight] a product
-    double *by_start, *by_weights; // [ny][nz], [ny][nweight] of the columns at one sample
+    jacobian rate, columns;
+    // [LANES][nstage] the rates [nz] and their derivatives [nz][nz], [nz][nweight]
+    double *k, *k_by_start, *k_by_weights;
+    double *a, *stage; // [size][nz] of one item; [nz][nz] and [nz][nweight] at one stage
+    double *y, *by_start, *by_weights; // [ny], [ny][nz], [ny][nweight] of one sample
+    double *prescribed;                // [nprescribed]
+    // Steps of which each is linearised for itself, with their states; without derivatives: unused.
+    pm_sensitivity_item step[LANES];
 };
 
 // --- opening ---
 
-// Builds the state after one step of the scene.
-static pm_status build_step(pm_graph *g, const pm_sensitivity *f, jacobian *j, pm_arena *scratch) {
+// Builds the rates of explicit methods, or the change over a whole step of the scene.
+static pm_status build_rate(pm_graph *g, const pm_sensitivity *f, jacobian *j, pm_arena *scratch) {
     const pm_system *system = f->how.system;
     const pm_scene *scene = system->scene;
     const int count = scene->physics.nsubsystem;
+    const bool steps = f->method == &whole;
     pm_node *z = pm_arena_array(scratch, (size_t)count, sizeof *z);
     pm_step_work work = pm_step_work_new(system, scratch);
     PM_TRY(pm_arena_status(scratch, "a step"));
-    j->input = f->ninput > 0 ? pm_input(g, true, 1, f->ninput) : PM_NO_NODE;
-    j->stretch = f->how.stretched ? pm_input(g, true, 1, 1) : PM_NO_NODE;
+    j->input = f->ninput > 0 ? pm_input(g, true, 1, steps ? f->ninput : scene->physics.nprescribed)
+                             : PM_NO_NODE;
+    j->stretch = steps && f->how.stretched ? pm_input(g, true, 1, 1) : PM_NO_NODE;
     work.stretch = j->stretch;
     pm_node degeneracy = PM_NO_NODE;
     for (int i = 0; i < count; ++i) {
         z[i] = pm_slice(g, j->z, scene->physics.subsystem[i].first,
                         scene->physics.subsystem[i].layout.nz);
     }
-    pm_build_step(g, system, f->how.integrator, scene->physics.dt / f->how.substeps,
-                  f->how.substeps, z, j->input, &degeneracy, &work);
+    if (steps) {
+        pm_build_step(g, system, f->how.integrator, scene->physics.dt / f->how.substeps,
+                      f->how.substeps, z, j->input, &degeneracy, &work);
+        j->value = pm_sub(g, pm_concat(g, count, z), j->z);
+        return PM_OK;
+    }
+    for (int i = 0; i < count; ++i) {
+        work.state[i] =
+            (pm_state_nodes){.z = z[i], .from = PM_NO_NODE, .to = z[i], .response = PM_NO_NODE};
+    }
+    for (int i = 0; i < scene->physics.nport; ++i) {
+        work.last[i] = PM_NO_NODE;
+    }
+    pm_build_coenergies(g, system, work.state);
+    pm_build_rates(g, system, work.state, j->input, work.last, &degeneracy);
+    for (int i = 0; i < count; ++i) {
+        const pm_node rate = work.state[i].zdot;
+        z[i] = rate == PM_NO_NODE ? pm_scale(g, z[i], 0) : rate;
+    }
     j->value = pm_concat(g, count, z);
     return PM_OK;
 }
@@ -83,7 +118,9 @@ static pm_status open_jacobian(pm_graph *g, pm_sensitivity *f, jacobian *j, pm_a
             }
         }
     }
-    return pm_program_open(&j->program, g, count, output, PM_SENSITIVITY_BATCH);
+    PM_TRY(pm_program_open_lanes(&j->program, g, count, output, LANES));
+    j->outermost = j->program == NULL;
+    return j->outermost ? pm_program_open(&j->program, g, count, output, LANES) : PM_OK;
 }
 
 static pm_status build(pm_sensitivity *f, jacobian *j) {
@@ -96,8 +133,8 @@ static pm_status build(pm_sensitivity *f, jacobian *j) {
     }
     j->z = pm_input(g, true, 1, f->nz);
     j->input = j->stretch = PM_NO_NODE;
-    if (j == &f->step) {
-        PM_TRY_DONE(build_step(g, f, j, &scratch));
+    if (j == &f->rate) {
+        PM_TRY_DONE(build_rate(g, f, j, &scratch));
     } else {
         const int n = f->how.system->scene->physics.nprescribed;
         j->input = n > 0 ? pm_input(g, true, 1, n) : PM_NO_NODE;
@@ -122,6 +159,10 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
     PM_TRY(pm_allocated(f, "derivatives"));
     const pm_scene *scene = how->system->scene;
     f->how = *how;
+    const bool steps = pm_integrator_iterates(how->integrator);
+    f->method = steps ? &whole : how->integrator;
+    f->substeps = steps ? 1 : how->substeps;
+    f->h = steps ? 1 : scene->physics.dt / how->substeps;
     f->derivatives = derivatives;
     f->nz = scene->physics.nz;
     f->ny = how->observation->count;
@@ -130,19 +171,30 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
     f->nweight = how->fixed ? 0 : pm_trained_count(how->system);
     const size_t rows = (size_t)(f->nz > f->ny ? f->nz : f->ny);
     f->trained = pm_arena_array(&f->arena, (size_t)f->nentry + 1, sizeof *f->trained);
-    f->a = pm_arena_array(&f->arena, rows * (size_t)f->nz, sizeof *f->a);
-    f->b = pm_arena_array(&f->arena, rows * (size_t)f->nweight + 1, sizeof *f->b);
-    f->c = pm_arena_array(&f->arena, rows * (size_t)(f->nz + f->nweight), sizeof *f->c);
-    f->by_start = pm_arena_array(&f->arena, rows * (size_t)f->nz, sizeof *f->by_start);
-    f->by_weights = pm_arena_array(&f->arena, rows * (size_t)f->nweight + 1, sizeof *f->by_weights);
+    const size_t nz = (size_t)f->nz, nweight = (size_t)f->nweight;
+    const size_t stages = (size_t)f->method->nstage * LANES;
+    f->a = pm_arena_array(&f->arena, rows * nz, sizeof *f->a);
+    f->stage = pm_arena_array(&f->arena, nz * (nz + nweight), sizeof *f->stage);
+    f->k = pm_arena_array(&f->arena, stages * nz, sizeof *f->k);
+    if (derivatives) {
+        f->k_by_start = pm_arena_array(&f->arena, stages * nz * nz, sizeof *f->k);
+        f->k_by_weights = pm_arena_array(&f->arena, stages * nz * nweight + 1, sizeof *f->k);
+        pm_sensitivity_allocate(LANES, f->step, nz, nweight, &f->arena);
+    }
+    f->prescribed =
+        pm_arena_array(&f->arena, (size_t)scene->physics.nprescribed + 1, sizeof *f->prescribed);
+    f->y = pm_arena_array(&f->arena, rows, sizeof *f->y);
+    f->by_start = pm_arena_array(&f->arena, rows * nz, sizeof *f->by_start);
+    f->by_weights = pm_arena_array(&f->arena, rows * nweight + 1, sizeof *f->by_weights);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&f->arena, "the derivatives of %d weights", f->nweight));
     if (!how->fixed) {
         pm_trained_list(how->system, f->trained);
     }
-    PM_TRY_DONE(build(f, &f->step));
+    PM_TRY_DONE(build(f, &f->rate));
     PM_TRY_DONE(build(f, &f->columns));
-    *work = (pm_sensitivity_work){work_of(f, &f->step), work_of(f, &f->columns)};
+    *work = (pm_sensitivity_work){f->substeps * f->method->nstage * work_of(f, &f->rate),
+                                  work_of(f, &f->columns)};
     *sensitivity = f;
     f = NULL;
 done:
@@ -152,7 +204,7 @@ done:
 
 void pm_sensitivity_close(pm_sensitivity *sensitivity) {
     if (sensitivity != NULL) {
-        pm_program_close(sensitivity->step.program);
+        pm_program_close(sensitivity->rate.program);
         pm_program_close(sensitivity->columns.program);
         PM_DELETE(sensitivity);
     }
@@ -180,58 +232,123 @@ void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item
     }
 }
 
-// Runs a program at the states of the items.
-static void run(const pm_sensitivity *f, jacobian *j, int count, pm_sensitivity_item *const *item) {
-    double *z = pm_program_value(j->program, j->z);
-    for (int i = 0; i < count; ++i) {
-        memcpy(z + (ptrdiff_t)i * f->nz, item[i]->z, (size_t)f->nz * sizeof *z);
-        if (j->input != PM_NO_NODE) {
-            const bool step = j == &f->step;
-            const int n = step ? f->ninput : f->ninput / PM_BOUNDARY_INPUT_ORDER;
-            memcpy(pm_program_value(j->program, j->input) + (ptrdiff_t)i * n,
-                   step ? item[i]->input : item[i]->now, (size_t)n * sizeof *z);
-        }
-        if (j->stretch != PM_NO_NODE) {
-            pm_program_value(j->program, j->stretch)[i] = item[i]->duration;
-        }
+// Copies the numbers [size] of a node at item i of a program from `from` or to `to`.
+static void put(const jacobian *j, pm_node node, int size, int i, const double *from) {
+    double *to = pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? size : 1);
+    for (ptrdiff_t c = 0; c < size; ++c) {
+        to[c * (j->outermost ? 1 : LANES)] = from[c];
     }
-    pm_program_run(j->program, count);
 }
 
-// Copies the Jacobian of the last run at item i to a [size][nz] and b [size][nweight].
-static void copy_jacobian(const pm_sensitivity *f, const jacobian *j, int i) {
+static void get(const jacobian *j, pm_node node, int size, int i, double *to) {
+    const double *from =
+        pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? size : 1);
+    for (ptrdiff_t c = 0; c < size; ++c) {
+        to[c] = from[c * (j->outermost ? 1 : LANES)];
+    }
+}
+
+// Runs a program at the states that were put into it. The boundary inputs are those at a fraction
+// (0 to 1) of the coming steps for rates, polynomials for whole steps, and at the present samples
+// for columns.
+static void run(pm_sensitivity *f, jacobian *j, int count, pm_sensitivity_item *const *item,
+                double fraction) {
+    const int n = f->ninput / PM_BOUNDARY_INPUT_ORDER;
+    for (int i = 0; i < count && j->input != PM_NO_NODE; ++i) {
+        if (j == &f->columns) {
+            put(j, j->input, n, i, item[i]->now);
+        } else if (f->method == &whole) {
+            put(j, j->input, f->ninput, i, item[i]->input);
+        } else {
+            const double *polynomial = item[i]->input;
+            for (int c = 0; c < n; ++c) {
+                double value = 0;
+                for (int order = fraction > 0 ? PM_BOUNDARY_INPUT_ORDER : 1; order-- > 0;) {
+                    value = value * fraction + polynomial[order * n + c];
+                }
+                f->prescribed[c] = value;
+            }
+            put(j, j->input, n, i, f->prescribed);
+        }
+    }
+    for (int i = 0; i < count && j->stretch != PM_NO_NODE; ++i) {
+        put(j, j->stretch, 1, i, &item[i]->duration);
+    }
+    pm_program_run(j->program, j->outermost ? count : LANES);
+}
+
+// Multiplies the Jacobian a, b of a program's last run at item i by the derivatives of a state:
+// out_start = a by_start, out_weights = a by_weights + b.
+static void chain(const pm_sensitivity *f, const jacobian *j, int i, const double *by_start,
+                  const double *by_weights, double *out_start, double *out_weights) {
     const size_t nz = (size_t)f->nz;
     for (int r = 0; r < j->size; ++r) {
-        double *a = f->a + (size_t)r * nz, *b = f->b + (ptrdiff_t)r * f->nweight;
+        double *a = f->a + (size_t)r * nz;
         if (j->by_z[r] == PM_NO_NODE) {
             memset(a, 0, nz * sizeof *a);
         } else {
-            memcpy(a, pm_program_value(j->program, j->by_z[r]) + (size_t)i * nz, nz * sizeof *a);
+            get(j, j->by_z[r], f->nz, i, a);
         }
+    }
+    pm_gemm(false, false, j->size, f->nz, f->nz, f->a, by_start, out_start);
+    if (f->nweight > 0) {
+        pm_gemm(false, false, j->size, f->nweight, f->nz, f->a, by_weights, out_weights);
+    }
+    for (int r = 0; r < j->size; ++r) {
         for (int k = 0; k < f->nentry; ++k) {
             const pm_node node = j->by_entry[(ptrdiff_t)r * f->nentry + k];
-            const size_t size = (size_t)f->trained[k].size;
+            const pm_trained *own = &f->trained[k];
+            double *out = out_weights + (ptrdiff_t)r * f->nweight + own->first;
             if (node == PM_NO_NODE) {
-                memset(b, 0, size * sizeof *b);
-            } else {
-                memcpy(b, pm_program_value(j->program, node) + (size_t)i * size, size * sizeof *b);
+                continue;
             }
-            b += size;
+            const double *b =
+                pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? own->size : 1);
+            for (ptrdiff_t c = 0; c < own->size; ++c) {
+                out[c] += b[c * (j->outermost ? 1 : LANES)];
+            }
         }
     }
 }
 
-// Multiplies the Jacobian in a and b by the derivatives of an item: by_start = a by_start, and
-// by_weights = a by_weights + b.
-static void chain(const pm_sensitivity *f, int size, const pm_sensitivity_item *item,
-                  double *by_start, double *by_weights) {
-    const size_t own = (size_t)size * (size_t)f->nz, all = (size_t)size * (size_t)f->nweight;
-    pm_gemm(false, false, size, f->nz, f->nz, f->a, item->by_start, f->c);
-    memcpy(by_start, f->c, own * sizeof *f->c);
-    if (all > 0) {
-        pm_gemm(false, false, size, f->nweight, f->nz, f->a, item->by_weights, f->c);
-        for (size_t k = 0; k < all; ++k) {
-            by_weights[k] = f->c[k] + f->b[k];
+// Returns base + h sum_i weight[i] k[i] over n stages, with base and k[i] of `size` numbers: `out`,
+// or `base` if all weights are zero.
+PM_SIMD_CLONES static const double *combine(size_t size, const double *base, double h, int n,
+                                            const double *weight, const double *k, double *out) {
+    const double *from = base;
+    for (int i = 0; i < n; ++i) {
+        const double factor = h * weight[i], *rate = k + (size_t)i * size;
+        for (size_t c = 0; c < size && factor != 0; ++c) {
+            out[c] = from[c] + factor * rate[c];
+        }
+        from = factor != 0 ? out : from;
+    }
+    return from;
+}
+
+// Computes the rates of items [count <= LANES] at a stage, and their derivatives if there are any.
+static void take_stage(pm_sensitivity *f, int count, pm_sensitivity_item *const *item,
+                       const double *h, int substep, int stage) {
+    const pm_integrator *rk = f->method;
+    jacobian *j = &f->rate;
+    const size_t nz = (size_t)f->nz, n = (size_t)rk->nstage, square = nz * nz;
+    const size_t cells = nz * (size_t)f->nweight;
+    const double *a = rk->a[stage];
+    for (size_t i = 0; i < (size_t)count; ++i) {
+        put(j, j->z, f->nz, (int)i,
+            combine(nz, item[i]->z, h[i], stage, a, f->k + i * n * nz, f->stage));
+    }
+    run(f, j, count, item, (substep + pm_integrator_time(rk, stage)) / f->substeps);
+    for (size_t i = 0; i < (size_t)count; ++i) {
+        const size_t at = i * n + (size_t)stage;
+        get(j, j->value, f->nz, (int)i, f->k + at * nz);
+        if (f->derivatives) {
+            const double *start = combine(square, item[i]->by_start, h[i], stage, a,
+                                          f->k_by_start + i * n * square, f->stage);
+            const double *weights = combine(cells, item[i]->by_weights, h[i], stage, a,
+                                            f->k_by_weights + i * n * cells, f->stage + square);
+            chain(f, j, (int)i, start, weights, f->k_by_start + at * square,
+                  f->k_by_weights + at * cells);
         }
     }
 }
@@ -239,14 +356,29 @@ static void chain(const pm_sensitivity *f, int size, const pm_sensitivity_item *
 // Advances the states of all items [count] by one step each, and their derivatives if there are
 // any.
 static void take_step(pm_sensitivity *f, int count, pm_sensitivity_item *const *item) {
-    jacobian *j = &f->step;
-    run(f, j, count, item);
-    const double *next = pm_program_value(j->program, j->value);
-    for (int i = 0; i < count; ++i) {
-        memcpy(item[i]->z, next + (ptrdiff_t)i * f->nz, (size_t)f->nz * sizeof *next);
-        if (f->derivatives) {
-            copy_jacobian(f, j, i);
-            chain(f, f->nz, item[i], item[i]->by_start, item[i]->by_weights);
+    const pm_integrator *rk = f->method;
+    const size_t nz = (size_t)f->nz, n = (size_t)rk->nstage, square = nz * nz;
+    const size_t cells = nz * (size_t)f->nweight;
+    for (; count > 0; count -= LANES, item += LANES) {
+        const int own = count < LANES ? count : LANES;
+        double h[LANES];
+        for (int i = 0; i < own; ++i) {
+            h[i] = f->h * (f->how.stretched && f->method != &whole ? item[i]->duration : 1);
+        }
+        for (int substep = 0; substep < f->substeps; ++substep) {
+            for (int stage = 0; stage < rk->nstage; ++stage) {
+                take_stage(f, own, item, h, substep, stage);
+            }
+            for (size_t i = 0; i < (size_t)own; ++i) {
+                double *z = item[i]->z, *start = item[i]->by_start, *weights = item[i]->by_weights;
+                (void)combine(nz, z, h[i], rk->nstage, rk->b, f->k + i * n * nz, z);
+                if (f->derivatives) {
+                    (void)combine(square, start, h[i], rk->nstage, rk->b,
+                                  f->k_by_start + i * n * square, start);
+                    (void)combine(cells, weights, h[i], rk->nstage, rk->b,
+                                  f->k_by_weights + i * n * cells, weights);
+                }
+            }
         }
     }
 }
@@ -262,13 +394,22 @@ void pm_sensitivity_measure(pm_sensitivity *sensitivity, int count,
                             pm_sensitivity_item *const *item, double *y, double *by_start,
                             double *by_weights) {
     jacobian *j = &sensitivity->columns;
-    const ptrdiff_t ny = sensitivity->ny;
-    run(sensitivity, j, count, item);
-    memcpy(y, pm_program_value(j->program, j->value), (size_t)(count * ny) * sizeof *y);
-    for (int i = 0; i < count && sensitivity->derivatives; ++i) {
-        copy_jacobian(sensitivity, j, i);
-        chain(sensitivity, sensitivity->ny, item[i], by_start + i * ny * sensitivity->nz,
-              by_weights + i * ny * sensitivity->nweight);
+    const ptrdiff_t ny = sensitivity->ny, nz = sensitivity->nz;
+    for (int first = 0; first < count; first += LANES) {
+        const int own = count - first < LANES ? count - first : LANES;
+        for (int i = 0; i < own; ++i) {
+            put(j, j->z, (int)nz, i, item[first + i]->z);
+        }
+        run(sensitivity, j, own, item + first, 0);
+        for (int i = 0; i < own; ++i) {
+            const ptrdiff_t at = (first + i) * ny;
+            const pm_sensitivity_item *x = item[first + i];
+            get(j, j->value, (int)ny, i, y + at);
+            if (sensitivity->derivatives) {
+                chain(sensitivity, j, i, x->by_start, x->by_weights, by_start + at * nz,
+                      by_weights + at * sensitivity->nweight);
+            }
+        }
     }
 }
 
@@ -291,45 +432,52 @@ void pm_sensitivity_advance(pm_sensitivity *sensitivity, int count, pm_sensitivi
     }
 }
 
-// Linearises the steps from first[0] on of one window along its path, and what is measured there.
+// Linearises the steps of one window along its path, and what is measured there.
 static void follow_path(pm_sensitivity *f, int id, pm_sensitivity_item *item, const pm_track *t,
-                        int from, int to, double *path, pm_sensitivity_visit *visit,
+                        int from, int to, const double *path, pm_sensitivity_visit *visit,
                         void *context) {
     const int end = t->first_step[to], nprescribed = f->ninput / PM_BOUNDARY_INPUT_ORDER;
+    const size_t nz = (size_t)f->nz, square = nz * nz, cells = nz * (size_t)f->nweight;
     pm_sensitivity_start(f, item);
-    for (int first = t->first_step[from], sample = from; first < end;
-         first += PM_SENSITIVITY_BATCH) {
-        const int after = end - first < PM_SENSITIVITY_BATCH ? end : first + PM_SENSITIVITY_BATCH;
-        pm_sensitivity_item step[PM_SENSITIVITY_BATCH], look[PM_SENSITIVITY_BATCH];
-        pm_sensitivity_item *steps[PM_SENSITIVITY_BATCH], *looks[PM_SENSITIVITY_BATCH];
+    for (int first = t->first_step[from], sample = from; first < end; first += LANES) {
+        const int after = end - first < LANES ? end : first + LANES;
+        pm_sensitivity_item look[LANES];
+        pm_sensitivity_item *steps[LANES], *looks[LANES];
         int nlook = 0;
         for (int k = first; k < after; ++k) {
-            steps[k - first] = &step[k - first];
-            step[k - first] = (pm_sensitivity_item){.z = path + (ptrdiff_t)k * f->nz};
-            give_step(f, t, k, &step[k - first]);
+            pm_sensitivity_item *step = steps[k - first] = &f->step[k - first];
+            memcpy(step->z, path + (size_t)k * nz, nz * sizeof *path);
+            pm_sensitivity_start(f, step);
+            give_step(f, t, k, step);
         }
         for (int i = sample; i < to && t->first_step[i] < after; ++i) {
-            const double *now = t->now == NULL ? NULL : t->now + (ptrdiff_t)i * nprescribed;
+            put(&f->columns, f->columns.z, f->nz, nlook, path + (size_t)t->first_step[i] * nz);
             looks[nlook] = &look[nlook];
-            look[nlook++] =
-                (pm_sensitivity_item){.z = step[t->first_step[i] - first].z, .now = now};
+            look[nlook++] = (pm_sensitivity_item){
+                .now = t->now == NULL ? NULL : t->now + (ptrdiff_t)i * nprescribed};
         }
-        run(f, &f->step, after - first, steps);
+        take_step(f, after - first, steps);
         if (nlook > 0) {
-            run(f, &f->columns, nlook, looks);
+            run(f, &f->columns, nlook, looks, 0);
         }
         for (int k = first, seen = 0; k < after; ++k) {
             if (seen < nlook && t->first_step[sample] == k) {
-                copy_jacobian(f, &f->columns, seen);
-                chain(f, f->ny, item, f->by_start, f->by_weights);
-                visit(context, id, sample++, look[seen].z,
-                      pm_program_value(f->columns.program, f->columns.value) +
-                          (ptrdiff_t)seen * f->ny,
-                      f->by_start, f->by_weights);
-                ++seen;
+                get(&f->columns, f->columns.value, f->ny, seen, f->y);
+                chain(f, &f->columns, seen++, item->by_start, item->by_weights, f->by_start,
+                      f->by_weights);
+                visit(context, id, sample++, path + (size_t)k * nz, f->y, f->by_start,
+                      f->by_weights);
             }
-            copy_jacobian(f, &f->step, k - first);
-            chain(f, f->nz, item, item->by_start, item->by_weights);
+            const pm_sensitivity_item *step = steps[k - first];
+            pm_gemm(false, false, f->nz, f->nz, f->nz, step->by_start, item->by_start, f->stage);
+            memcpy(item->by_start, f->stage, square * sizeof *f->stage);
+            if (cells > 0) {
+                pm_gemm(false, false, f->nz, f->nweight, f->nz, step->by_start, item->by_weights,
+                        f->stage);
+            }
+            for (size_t c = 0; c < cells; ++c) {
+                item->by_weights[c] = f->stage[c] + step->by_weights[c];
+            }
         }
     }
 }
