@@ -852,6 +852,9 @@ static pm_status run(pm_fit *f) {
                                     .typical = m->typical,
                                     .loud = true,
                                     .stop = f->stop,
+                                    .work = f->arguments->effort == NULL
+                                                ? 0
+                                                : f->arguments->effort->seconds * PM_SHOOTING_SPEED,
                                     .keep = keep_point,
                                     .context = &context};
     for (int c = 0; c < shooting.nz; ++c) {
@@ -1137,8 +1140,12 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     const double taught = f->training->seconds;
     const bool later = !validation && isfinite(taught);
     pm_estimate e;
-    const pm_estimate_how how = {
-        .seconds = taught, .stop = f->stop, .until = later ? INFINITY : taught, .halve = true};
+    const double limit = f->arguments->effort == NULL ? 0 : f->arguments->effort->seconds;
+    const pm_estimate_how how = {.seconds = taught,
+                                 .stop = f->stop,
+                                 .until = later ? INFINITY : taught,
+                                 .halve = true,
+                                 .work = limit * PM_SHOOTING_SPEED};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     f->measured.seconds += e.work / PM_SHOOTING_SPEED;

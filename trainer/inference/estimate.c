@@ -14,6 +14,7 @@
 #define NORMAL_MEDIAN 1.4826022185056018
 #define NORMAL_MEAN 1.2533141373155001
 #define WHOLE (INT_MAX / 4) // samples of a window: each track is one
+#define FOLLOWED 1.5        // mean square of what is left, over that of the noise
 #define OUTLYING 0.01       // of the misses of a trajectory, beside those that stand alone
 // Keeps the equations of a start regular where nothing depends on a component.
 #define LEAST_CURVATURE 1e-12
@@ -142,15 +143,16 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
     return status;
 }
 
-// Seeks the starts in short windows that grow, and in whole tracks from the guess at once: each may
-// end where the other does not, as dry friction makes many minima. Of each track it takes what
-// leaves less.
+// Seeks the starts in whole tracks from the guess at once and, unless that follows all of them, in
+// short windows that grow: each may end where the other does not, as dry friction makes many
+// minima. Of each track it takes what leaves less.
 static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuation *continuation) {
-    const int first[] = {0, pm_continuation_longest(s)}, substeps = s->how.substeps;
+    const int first[] = {pm_continuation_longest(s), 0}, substeps = s->how.substeps;
     double *least = pm_arena_array(&e->arena, (size_t)e->count, sizeof *least);
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     pm_status result = PM_ENUMERIC;
-    for (int way = 0; way < 2; ++way) {
+    bool followed = false;
+    for (int way = 0; way < 2 && !followed; ++way) {
         pm_continuation own = *continuation;
         own.first = first[way];
         pm_shooting_set_substeps(s, substeps); // those of a continuation that failed may be fewer
@@ -166,14 +168,18 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
         if (result != PM_OK) {
             memcpy(e->noise, s->terms.noise, (size_t)e->ny * sizeof *e->noise);
         }
+        followed = true;
         for (int i = 0; i < e->count; ++i) {
             const pm_track *track = &s->tracks->track[i];
             const double *start = s->z + (ptrdiff_t)i * e->nz;
             double left = 0; // of the measurements and of the prior
+            long measured = 0;
             for (ptrdiff_t k = 0; k < (ptrdiff_t)track->count * e->ny; ++k) {
                 const double r = s->residual[i][k] / e->noise[k % e->ny];
                 left += isfinite(track->y[k]) ? r * r : 0;
+                measured += isfinite(track->y[k]);
             }
+            followed = followed && left < FOLLOWED * (double)measured;
             for (int c = 0; c < e->nz; ++c) {
                 const double prior = s->terms.prior[c], away = start[c] - s->observation->guess[c];
                 left += prior > 0 ? away * away / (prior * prior) : 0;
@@ -193,8 +199,9 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
 // which it takes the measurements and the guess, spoil no others. PM_ENUMERIC: it is none.
 static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivity_how *how,
                              const pm_continuation *continuation) {
+    const double most = continuation->work > 0 ? continuation->work : INFINITY;
     pm_status result = PM_ENUMERIC;
-    for (int i = 0; i < e->count; ++i) {
+    for (int i = 0; i < e->count && s->work < most; ++i) {
         double *start = e->start + (ptrdiff_t)i * e->nz;
         pm_estimate own = {.count = 1, .ny = e->ny, .nz = e->nz, .start = start, .noise = e->noise};
         pm_tracks track = *s->tracks;
@@ -238,8 +245,11 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &own, &tracks));
     set_priors(&shooting, o, how->uncertainty);
-    const pm_continuation continuation = {
-        .given = given, .typical = o->deviation, .stop = how->stop, .brief = true};
+    const pm_continuation continuation = {.given = given,
+                                          .typical = o->deviation,
+                                          .stop = how->stop,
+                                          .work = how->work,
+                                          .brief = true};
     status = seek_starts(e, &shooting, &continuation);
     if (status == PM_ENUMERIC && e->count > 1) {
         status = seek_singly(e, &shooting, &own, &continuation);

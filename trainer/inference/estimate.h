@@ -17,6 +17,7 @@ typedef struct pm_estimate_how {
     const volatile sig_atomic_t *stop; // ends the work when nonzero; or NULL
     double until;                      // score nothing that is measured later, s; 0: score all
     bool halve;                        // find pm_estimate.coarse
+    double work; // of the shooting after which no other starts are tried; 0: no limit
 } pm_estimate_how;
 
 // The result for some trajectories of a measured dataset.

@@ -372,7 +372,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
                          s->hints->stop, s->trial + from, &s->used));
     for (int i = from; i < s->count; ++i) {
         s->spent += s->trial[i].unfinished ? longest : s->trial[i].seconds;
-        s->short_of_time = s->short_of_time || (from == 0 && s->spent > longest);
+        s->short_of_time = s->short_of_time || (i == 0 && s->trial[i].cut);
         const double error = error_of(s, i);
         // Errors nearly as large as the deviation tell no guess from another.
         const double so_far = error_of(s, s->best),
@@ -460,9 +460,15 @@ static pm_status add_laws(hidden_search *s, int most) {
     return PM_OK;
 }
 
-// Returns true if the budget is spent.
+// Returns true if the budget is spent: what is left for a trial is less than any has taken.
 static bool is_late(const hidden_search *s) {
-    return s->spent >= s->hints->budget || s->used >= PM_SEARCH_SLOW * s->hints->budget;
+    const double left = s->hints->budget - s->spent;
+    double least = INFINITY;
+    for (int i = 0; i < s->count; ++i) {
+        least = s->trial[i].failed ? least : fmin(least, s->trial[i].seconds);
+    }
+    return left <= 0 || (isfinite(least) && left / 2 < least) ||
+           s->used >= PM_SEARCH_SLOW * s->hints->budget;
 }
 
 // Returns true if nothing else is tried.
@@ -580,12 +586,13 @@ static pm_status try_again(hidden_search *s, bool turn) {
 
 // Tries the best guesses without the constants that the data do not need, again and again: a law
 // with fewer constants takes less time, and is easier to read. It may be less likely by as much as
-// so many constants are worth. If it is worse, half as many are left out.
+// so many constants are worth. If it is worse, half as many are left out. A fit whose time was over
+// in short windows does not tell what long ones need.
 static pm_status leave_out(hidden_search *s) {
     const double samples = (double)s->most * s->dataset->ntime * fmax(s->first.nvariable, 1);
     int most = INT_MAX;
     while (s->most > 0 && s->count < MOST_TRIALS && !s->lean_failed[s->best] &&
-           error_of(s, s->best) < SMALL_ERROR) {
+           !s->trial[s->best].cut && error_of(s, s->best) < SMALL_ERROR) {
         const int from = s->count, before = s->best;
         const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
         char *found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);

@@ -160,6 +160,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         pm_status status = space->write(space->context, vector, "", config);
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;
+        result.cut = effort->seconds > 0 && f.measured.seconds > effort->seconds;
         status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
         status = status == PM_OK && start != NULL ? pm_fit_save_start(&f, start) : status;
         result.failed = status != PM_OK;
@@ -187,6 +188,7 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial
     *trial =
         (pm_search_trial){.failed = true,
                           .unfinished = true,
+                          .cut = true,
                           .score = {.step = INFINITY, .rollout = INFINITY, .production = INFINITY},
                           .reason = "the fit took too long or ended by a fault"};
     size_t got = 0;

@@ -92,6 +92,7 @@ typedef struct pm_search_trial {
     int iterations;          // of the last stage: it ends sooner when it makes no more progress
     double seconds;          // measurements: of CPU time on a nominal machine
     bool failed, unfinished; // unfinished: it took too long, or ended by a fault
+    bool cut;                // measurements: its time was over before its fit had ended
     char reason[256];        // why it has failed
     // Lines COMPONENT.CONSTANT=VALUE, one for each learned constant where the fit has left it; ""
     // if something else was learned, too.

@@ -426,11 +426,13 @@ static pm_status calm(pm_shooting *s, pm_continuation_point *p, int substeps) {
 
 // Divides the tracks into windows of the length of the point, or into shorter ones, so that they
 // can be integrated.
-static pm_status divide_calmly(pm_shooting *s, pm_continuation_point *p, int substeps) {
+static pm_status divide_calmly(pm_shooting *s, const pm_continuation *continuation,
+                               pm_continuation_point *p, int substeps) {
+    const double most = continuation->work > 0 ? continuation->work : INFINITY;
     s->stride = p->stride;
     PM_TRY(pm_shooting_divide(s, p->length));
     pm_status status = calm(s, p, substeps);
-    while (status == PM_ENUMERIC && p->length > PM_CONTINUATION_LEAST) {
+    while (status == PM_ENUMERIC && p->length > PM_CONTINUATION_LEAST && s->work < most) {
         p->length = p->length / 2 > PM_CONTINUATION_LEAST ? p->length / 2 : PM_CONTINUATION_LEAST;
         PM_TRY(pm_shooting_divide(s, p->length));
         status = calm(s, p, substeps);
@@ -463,7 +465,7 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     // weights that have not adapted so far to the tracks before.
     if (!changed && point->stride > 1) {
         point->stride /= 2;
-        PM_TRY(divide_calmly(s, point, substeps));
+        PM_TRY(divide_calmly(s, continuation, point, substeps));
         changed = true;
     }
     // Once every track is one window, there is no gap left to close.
@@ -492,7 +494,7 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
             .factor = FIRST_GAP,
             .stride = first_stride(s)};
         begin_stage(s, p->stage, substeps);
-        PM_TRY(divide_calmly(s, p, substeps));
+        PM_TRY(divide_calmly(s, continuation, p, substeps));
         PM_TRY(update_noise(s, continuation, false, NULL));
     }
     while (point.stage != PM_CONTINUATION_DONE) {

@@ -13,9 +13,7 @@
 #include "graph/program.h"
 #include "sim/step_graph.h"
 
-#define LANES 16 // states in a run of a program
-
-// A program with one output vector and its Jacobian, for LANES items.
+// A program with one output vector and its Jacobian.
 typedef struct jacobian {
     pm_program *program;
     bool outermost; // items are; else they are innermost (pm_program_open_lanes)
@@ -38,13 +36,13 @@ struct pm_sensitivity {
     int nz, ny, nentry, nweight, ninput;
     pm_trained *trained; // [nentry]
     jacobian rate, columns;
-    // [LANES][nstage] the rates [nz] and their derivatives [nz][nz], [nz][nweight]
+    // [PM_SENSITIVITY_BATCH][nstage] the rates [nz] and their derivatives [nz][nz], [nz][nweight]
     double *k, *k_by_start, *k_by_weights;
     double *a, *stage; // [size][nz] of one item; [nz][nz] and [nz][nweight] at one stage
     double *y, *by_start, *by_weights; // [ny], [ny][nz], [ny][nweight] of one sample
     double *prescribed;                // [nprescribed]
     // Steps of which each is linearised for itself, with their states; without derivatives: unused.
-    pm_sensitivity_item step[LANES];
+    pm_sensitivity_item step[PM_SENSITIVITY_BATCH];
 };
 
 // --- opening ---
@@ -118,9 +116,10 @@ static pm_status open_jacobian(pm_graph *g, pm_sensitivity *f, jacobian *j, pm_a
             }
         }
     }
-    PM_TRY(pm_program_open_lanes(&j->program, g, count, output, LANES));
+    PM_TRY(pm_program_open_lanes(&j->program, g, count, output, PM_SENSITIVITY_BATCH));
     j->outermost = j->program == NULL;
-    return j->outermost ? pm_program_open(&j->program, g, count, output, LANES) : PM_OK;
+    return j->outermost ? pm_program_open(&j->program, g, count, output, PM_SENSITIVITY_BATCH)
+                        : PM_OK;
 }
 
 static pm_status build(pm_sensitivity *f, jacobian *j) {
@@ -172,14 +171,14 @@ pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity
     const size_t rows = (size_t)(f->nz > f->ny ? f->nz : f->ny);
     f->trained = pm_arena_array(&f->arena, (size_t)f->nentry + 1, sizeof *f->trained);
     const size_t nz = (size_t)f->nz, nweight = (size_t)f->nweight;
-    const size_t stages = (size_t)f->method->nstage * LANES;
+    const size_t stages = (size_t)f->method->nstage * PM_SENSITIVITY_BATCH;
     f->a = pm_arena_array(&f->arena, rows * nz, sizeof *f->a);
     f->stage = pm_arena_array(&f->arena, nz * (nz + nweight), sizeof *f->stage);
     f->k = pm_arena_array(&f->arena, stages * nz, sizeof *f->k);
     if (derivatives) {
         f->k_by_start = pm_arena_array(&f->arena, stages * nz * nz, sizeof *f->k);
         f->k_by_weights = pm_arena_array(&f->arena, stages * nz * nweight + 1, sizeof *f->k);
-        pm_sensitivity_allocate(LANES, f->step, nz, nweight, &f->arena);
+        pm_sensitivity_allocate(PM_SENSITIVITY_BATCH, f->step, nz, nweight, &f->arena);
     }
     f->prescribed =
         pm_arena_array(&f->arena, (size_t)scene->physics.nprescribed + 1, sizeof *f->prescribed);
@@ -236,7 +235,7 @@ void pm_sensitivity_start(const pm_sensitivity *sensitivity, pm_sensitivity_item
 static void put(const jacobian *j, pm_node node, int size, int i, const double *from) {
     double *to = pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? size : 1);
     for (ptrdiff_t c = 0; c < size; ++c) {
-        to[c * (j->outermost ? 1 : LANES)] = from[c];
+        to[c * (j->outermost ? 1 : PM_SENSITIVITY_BATCH)] = from[c];
     }
 }
 
@@ -244,7 +243,7 @@ static void get(const jacobian *j, pm_node node, int size, int i, double *to) {
     const double *from =
         pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? size : 1);
     for (ptrdiff_t c = 0; c < size; ++c) {
-        to[c] = from[c * (j->outermost ? 1 : LANES)];
+        to[c] = from[c * (j->outermost ? 1 : PM_SENSITIVITY_BATCH)];
     }
 }
 
@@ -274,7 +273,7 @@ static void run(pm_sensitivity *f, jacobian *j, int count, pm_sensitivity_item *
     for (int i = 0; i < count && j->stretch != PM_NO_NODE; ++i) {
         put(j, j->stretch, 1, i, &item[i]->duration);
     }
-    pm_program_run(j->program, j->outermost ? count : LANES);
+    pm_program_run(j->program, j->outermost ? count : PM_SENSITIVITY_BATCH);
 }
 
 // Multiplies the Jacobian a, b of a program's last run at item i by the derivatives of a state:
@@ -305,7 +304,7 @@ static void chain(const pm_sensitivity *f, const jacobian *j, int i, const doubl
             const double *b =
                 pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? own->size : 1);
             for (ptrdiff_t c = 0; c < own->size; ++c) {
-                out[c] += b[c * (j->outermost ? 1 : LANES)];
+                out[c] += b[c * (j->outermost ? 1 : PM_SENSITIVITY_BATCH)];
             }
         }
     }
@@ -326,7 +325,7 @@ PM_SIMD_CLONES static const double *combine(size_t size, const double *base, dou
     return from;
 }
 
-// Computes the rates of items [count <= LANES] at a stage, and their derivatives if there are any.
+// Computes the rates of items [count] at a stage, and their derivatives if there are any.
 static void take_stage(pm_sensitivity *f, int count, pm_sensitivity_item *const *item,
                        const double *h, int substep, int stage) {
     const pm_integrator *rk = f->method;
@@ -359,25 +358,22 @@ static void take_step(pm_sensitivity *f, int count, pm_sensitivity_item *const *
     const pm_integrator *rk = f->method;
     const size_t nz = (size_t)f->nz, n = (size_t)rk->nstage, square = nz * nz;
     const size_t cells = nz * (size_t)f->nweight;
-    for (; count > 0; count -= LANES, item += LANES) {
-        const int own = count < LANES ? count : LANES;
-        double h[LANES];
-        for (int i = 0; i < own; ++i) {
-            h[i] = f->h * (f->how.stretched && f->method != &whole ? item[i]->duration : 1);
+    double h[PM_SENSITIVITY_BATCH];
+    for (int i = 0; i < count; ++i) {
+        h[i] = f->h * (f->how.stretched && f->method != &whole ? item[i]->duration : 1);
+    }
+    for (int substep = 0; substep < f->substeps; ++substep) {
+        for (int stage = 0; stage < rk->nstage; ++stage) {
+            take_stage(f, count, item, h, substep, stage);
         }
-        for (int substep = 0; substep < f->substeps; ++substep) {
-            for (int stage = 0; stage < rk->nstage; ++stage) {
-                take_stage(f, own, item, h, substep, stage);
-            }
-            for (size_t i = 0; i < (size_t)own; ++i) {
-                double *z = item[i]->z, *start = item[i]->by_start, *weights = item[i]->by_weights;
-                (void)combine(nz, z, h[i], rk->nstage, rk->b, f->k + i * n * nz, z);
-                if (f->derivatives) {
-                    (void)combine(square, start, h[i], rk->nstage, rk->b,
-                                  f->k_by_start + i * n * square, start);
-                    (void)combine(cells, weights, h[i], rk->nstage, rk->b,
-                                  f->k_by_weights + i * n * cells, weights);
-                }
+        for (size_t i = 0; i < (size_t)count; ++i) {
+            double *z = item[i]->z, *start = item[i]->by_start, *weights = item[i]->by_weights;
+            (void)combine(nz, z, h[i], rk->nstage, rk->b, f->k + i * n * nz, z);
+            if (f->derivatives) {
+                (void)combine(square, start, h[i], rk->nstage, rk->b,
+                              f->k_by_start + i * n * square, start);
+                (void)combine(cells, weights, h[i], rk->nstage, rk->b,
+                              f->k_by_weights + i * n * cells, weights);
             }
         }
     }
@@ -395,20 +391,15 @@ void pm_sensitivity_measure(pm_sensitivity *sensitivity, int count,
                             double *by_weights) {
     jacobian *j = &sensitivity->columns;
     const ptrdiff_t ny = sensitivity->ny, nz = sensitivity->nz;
-    for (int first = 0; first < count; first += LANES) {
-        const int own = count - first < LANES ? count - first : LANES;
-        for (int i = 0; i < own; ++i) {
-            put(j, j->z, (int)nz, i, item[first + i]->z);
-        }
-        run(sensitivity, j, own, item + first, 0);
-        for (int i = 0; i < own; ++i) {
-            const ptrdiff_t at = (first + i) * ny;
-            const pm_sensitivity_item *x = item[first + i];
-            get(j, j->value, (int)ny, i, y + at);
-            if (sensitivity->derivatives) {
-                chain(sensitivity, j, i, x->by_start, x->by_weights, by_start + at * nz,
-                      by_weights + at * sensitivity->nweight);
-            }
+    for (int i = 0; i < count; ++i) {
+        put(j, j->z, (int)nz, i, item[i]->z);
+    }
+    run(sensitivity, j, count, item, 0);
+    for (int i = 0; i < count; ++i) {
+        get(j, j->value, (int)ny, i, y + i * ny);
+        if (sensitivity->derivatives) {
+            chain(sensitivity, j, i, item[i]->by_start, item[i]->by_weights, by_start + i * ny * nz,
+                  by_weights + i * ny * sensitivity->nweight);
         }
     }
 }
@@ -439,10 +430,11 @@ static void follow_path(pm_sensitivity *f, int id, pm_sensitivity_item *item, co
     const int end = t->first_step[to], nprescribed = f->ninput / PM_BOUNDARY_INPUT_ORDER;
     const size_t nz = (size_t)f->nz, square = nz * nz, cells = nz * (size_t)f->nweight;
     pm_sensitivity_start(f, item);
-    for (int first = t->first_step[from], sample = from; first < end; first += LANES) {
-        const int after = end - first < LANES ? end : first + LANES;
-        pm_sensitivity_item look[LANES];
-        pm_sensitivity_item *steps[LANES], *looks[LANES];
+    for (int first = t->first_step[from], sample = from; first < end;
+         first += PM_SENSITIVITY_BATCH) {
+        const int after = end - first < PM_SENSITIVITY_BATCH ? end : first + PM_SENSITIVITY_BATCH;
+        pm_sensitivity_item look[PM_SENSITIVITY_BATCH];
+        pm_sensitivity_item *steps[PM_SENSITIVITY_BATCH], *looks[PM_SENSITIVITY_BATCH];
         int nlook = 0;
         for (int k = first; k < after; ++k) {
             pm_sensitivity_item *step = steps[k - first] = &f->step[k - first];

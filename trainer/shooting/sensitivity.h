@@ -1,8 +1,8 @@
-// The states of a system at measured times, and their sensitivities: programs that take states from
-// one measured time to the next and compute what is measured there, for a batch of states at once.
-// Derivatives with respect to the state at the start and to all weights are carried along from step
-// to step (forward sensitivities; Bock, 1987), so that their cost grows linearly with the number of
-// steps.
+// The states of a system at measured times, and their sensitivities: programs that compute the
+// rates of a batch of states at once, and what is measured there. Derivatives with respect to the
+// state at the start and to all weights are carried along from stage to stage of the integrator
+// (forward sensitivities; Bock, 1987), so that their cost grows linearly with the number of steps.
+// Of an implicit method the program computes a whole step.
 #ifndef PM_TRAINER_SHOOTING_SENSITIVITY_H
 #define PM_TRAINER_SHOOTING_SENSITIVITY_H
 
@@ -23,7 +23,7 @@ typedef struct pm_sensitivity_how {
 // The compiled programs with their memory. Each thread needs a pm_sensitivity of its own.
 typedef struct pm_sensitivity pm_sensitivity;
 
-#define PM_SENSITIVITY_BATCH 32 // states at a time
+#define PM_SENSITIVITY_BATCH 16 // states at a time
 
 // About how many multiplications one step and one sample take, with their derivatives if there are
 // any.

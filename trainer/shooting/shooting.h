@@ -18,8 +18,8 @@
 #include "loss/team.h"
 #include "shooting/sensitivity.h"
 
-#define PM_SHOOTING_REACH 10.0 // `reach` of the logarithm of a positive constant
-#define PM_SHOOTING_SPEED 3e9  // multiplications in a second of CPU time on a nominal machine
+#define PM_SHOOTING_REACH 10.0  // `reach` of the logarithm of a positive constant
+#define PM_SHOOTING_SPEED 1.5e9 // multiplications in a second of CPU time on a nominal machine
 
 // A window: the samples [first, last) of a track, where the integration ends at sample `last` if
 // another window follows, else at `last - 1`.
