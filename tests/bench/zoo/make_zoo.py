@@ -82,6 +82,9 @@ def draw_system(seed, number, form, kind=None, ntrain=NTRAIN, ntest=NTEST, nstat
             s.nstate = nstate or s.nstate
             for i, v in enumerate(s.variables):
                 v.column = column_name(s, i)
+            taken = [v.sensor.name if form == "logger" and v.sensor is not None else v.column for v in s.variables]
+            for e in s.inputs:
+                e.name += "in" if e.name in taken else ""
             if len(s.variables) > 14:
                 raise Unsuitable("many variables")
             return (s,) + trajectories(s, rng, form, ntrain, ntest) + (refused,)
