@@ -545,6 +545,38 @@ static void a_spin_rubs_against_an_orbit(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a brake and a heater ---
+
+#define WHEEL 0.02   // kg m^2
+#define CAPACITY 8.0 // J/K of the brake
+
+// A wheel is braked, which heats; a heater of slowly changing power heats, too.
+static void braked_rate(const double *z, double *rate) {
+    const double moment = 0.01 * z[0];
+    rate[0] = -moment / WHEEL;
+    rate[1] = (moment * z[0] + z[2]) / CAPACITY;
+    rate[2] = z[3];
+    rate[3] = -2 * z[2];
+}
+
+static void some_turns(int i, double *z) {
+    const double start[] = {30 + 10 * cos(2.1 * i), 300, 2 * cos(1.3 * i), 2 * sin(0.7 * i)};
+    memcpy(z, start, sizeof start);
+}
+
+static void a_heater_shows_the_inertia_of_what_is_braked(void **state) {
+    (void)state;
+    static const char *const column[] = {"w", "T", "P"};
+    pm_dataset *d = record(&(logged){3, 1, column, "rad/s;K;W", 0.02, braked_rate, some_turns});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "P", .hidden = -1});
+    assert_false(v.column[0].free_scale);
+    const double ratio = v.column[0].inertia / v.column[1].inertia;
+    assert_true(fabs(ratio / (WHEEL / CAPACITY) - 1) < 0.02);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 // --- noise ---
 
 // Noise shows between the jumps of an input, however often it jumps.
@@ -597,6 +629,7 @@ int main(void) {
         cmocka_unit_test(connected_vessels_exchange_by_their_difference),
         cmocka_unit_test(amounts_change_by_small_integers),
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
+        cmocka_unit_test(a_heater_shows_the_inertia_of_what_is_braked),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -19,14 +19,15 @@
 #define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
 #define FAINT 1e-4      // likewise, if it is more than this part of what all leave unexplained:
 #define NOTABLE 0.2
-#define ALIKE 0.3       // of two coefficients: they are opposite if their sum is smaller
-#define LEAK 0.05       // of the decay of a temperature: smaller leaks are none
-#define SLOW 0.1        // of the rate of a column: what is hidden is no slower, at first
-#define CLEAR 8.0       // times its noise: a column changes clearly
-#define ANSWERED 0.5    // of changes in slope where an input jumps: it drives this co-energy
-#define SHARE 8         // part of a trajectory beyond which nothing is sought
-#define JUMPS 0.2       // of the changes: a column jumps with an input that explains so much
-#define FEWEST_AT_TOP 5 // steps in which a sensor that saturates stays at its largest value
+#define ALIKE 0.3           // of two coefficients: they are opposite if their sum is smaller
+#define LEAK 0.05           // of the decay of a temperature: smaller leaks are none
+#define SLOW 0.1            // of the rate of a column: what is hidden is no slower, at first
+#define FRICTION_SHOWS 0.99 // of what else leaves unexplained of the changes of a temperature
+#define CLEAR 8.0           // times its noise: a column changes clearly
+#define ANSWERED 0.5        // of changes in slope where an input jumps: it drives this co-energy
+#define SHARE 8             // part of a trajectory beyond which nothing is sought
+#define JUMPS 0.2           // of the changes: a column jumps with an input that explains so much
+#define FEWEST_AT_TOP 5     // steps in which a sensor that saturates stays at its largest value
 #define SELDOM_EQUAL 0.05
 #define ROOM 293.15 // K
 
@@ -798,6 +799,73 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     }
 }
 
+// Regresses the changes of temperature t, while flow i changes clearly, on the temperatures, on the
+// inputs and, unless `alone`, on what flow i loses of y^2/2, whose coefficient is *heats. Returns
+// the unexplained part.
+static double regress_heat(const pm_logger_samples *w, int t, int i, bool alone, double *heats) {
+    const pm_logger_view *view = w->view;
+    const pm_dataset *d = view->dataset;
+    const int reach = find_reach(w, i);
+    double solution[PM_LOGGER_COLUMNS + 2] = {0};
+    pm_least_squares *s = w->squares;
+    memset(s, 0, sizeof *s);
+    for (int r = 0; r < d->ntrajectory; ++r) {
+        for (int k = 0; k + reach < d->ntime; ++k) {
+            const double *now = pm_logger_row(w, r, k), *next = pm_logger_row(w, r, k + reach);
+            const double dt = pm_logger_time(w, r, k + reach) - pm_logger_time(w, r, k);
+            double x[PM_LOGGER_COLUMNS + 2] = {1, (now[i] * now[i] - next[i] * next[i]) / 2 / dt};
+            int n = alone ? 1 : 2;
+            double sum = next[t] - now[t] + x[1];
+            for (int c = 0; c < view->ncolumn; ++c) {
+                const pm_logger_column *column = &view->column[c];
+                if (c >= view->nvariable || column->kind == PM_LOGGER_TEMPERATURE) {
+                    x[n] = now[c] - column->mean;
+                    sum += x[n++];
+                }
+            }
+            s->n = n;
+            if (isfinite(sum)) {
+                pm_least_squares_add(s, x, (next[t] - now[t]) / dt);
+            }
+        }
+    }
+    const double rest = pm_least_squares_solve(s, solution);
+    *heats = alone ? 0 : solution[1];
+    return rest;
+}
+
+// Where a heater of known power shows a heat capacity, but no force an inertia, what friction warms
+// shows the scale of motion.
+static void find_heat_of_friction(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    double least = FRICTION_SHOWS, ratio = 0;
+    for (int i = 0; i < view->nvariable; ++i) {
+        const pm_logger_column *y = &view->column[i];
+        for (int t = 0; t < view->nvariable; ++t) {
+            const pm_logger_column *T = &view->column[t];
+            double heats;
+            if (y->kind != PM_LOGGER_FLOW || y->mate >= 0 || !y->free_scale || y->behind >= 0 ||
+                T->kind != PM_LOGGER_TEMPERATURE || T->source == NULL || T->free_scale ||
+                pm_logger_heat_is_free(view)) {
+                continue;
+            }
+            const double without = regress_heat(w, t, i, true, &heats);
+            const double with = regress_heat(w, t, i, false, &heats);
+            if (heats > 0 && with < least * without) {
+                least = with / without;
+                ratio = heats * T->inertia / y->inertia;
+            }
+        }
+    }
+    for (int k = 0; k < view->nvariable && ratio > 0; ++k) {
+        pm_logger_column *y = &view->column[k];
+        if (y->kind != PM_LOGGER_TEMPERATURE && y->kind != PM_LOGGER_POSITION) {
+            y->inertia *= ratio;
+            y->free_scale = false;
+        }
+    }
+}
+
 // Finds how motion and flows exchange energy with heat. A flow carries entropy if a difference of
 // two temperatures drives it and if it cools one and warms the other. A piston between two gases
 // does the same, but carries no entropy.
@@ -1394,6 +1462,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     PM_TRY_DONE(find_ports(view, hints));
     find_actions(view);
     find_scales(&w);
+    find_heat_of_friction(&w);
     find_exchange(view);
     for (int u = view->nvariable; u < view->ncolumn && hints->guess != NULL; ++u) {
         view->column[u].guess = hints->guess[view->column[u].id];
