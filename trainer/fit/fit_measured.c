@@ -785,7 +785,8 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             p->loss = p->best = residual; // also for a fit that is interrupted in a later attempt
             p->best_done = p->attempt;
         }
-        if (f->arguments->effort != NULL && p->attempt == LONG_ATTEMPT) {
+        const bool spent = continuation->work > 0 && s->work > continuation->work;
+        if (f->arguments->effort != NULL && (p->attempt == LONG_ATTEMPT || spent)) {
             pm_shooting_set_weights(s, p->loss > 0 ? f->best : s->theta);
             return p->loss > 0 ? PM_OK
                                : pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
@@ -909,7 +910,6 @@ static pm_status run(pm_fit *f) {
             begin_phase(f, &shooting, WITHOUT_AGAIN);
         }
     }
-    f->measured.seconds += shooting.work / PM_SHOOTING_SPEED;
     pm_shooting_weights(&shooting, f->theta);
     f->position.best = -1;
     for (int i = 0; i < f->size; ++i) { // what is left out vanishes
@@ -934,6 +934,7 @@ static pm_status run(pm_fit *f) {
     status = f->arguments->effort == NULL ? find_uncertainty(f, &shooting, true)
                                           : pm_uncertainty_spare(&shooting, m->optional, m->spare);
 done:
+    f->measured.seconds += shooting.work / PM_SHOOTING_SPEED;
     if (status == PM_EINTERRUPTED && context.ended) { // a short fit
         status = PM_OK;
     }

@@ -536,8 +536,11 @@ static pm_status find_columns(hidden_search *s, column_group group) {
                                          : column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
                                          : moves                                 ? MOVING
                                                                                  : UNPLACED;
-                // A trial of a larger guess than one that has not ended would not end either.
-                if (own == group && !(hides && s->short_of_time)) {
+                // A trial of a larger guess than one that has not ended, or that took more than
+                // what is left for this one, would not end either.
+                const double left = (s->hints->budget - s->spent) / 2;
+                if (own == group &&
+                    !(hides && (s->short_of_time || left < s->trial[0].seconds / 2))) {
                     add_guess(s, column->id, column->other[i],
                               alike == 1 ? &column->dimension : NULL);
                 }
