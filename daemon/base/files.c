@@ -1,26 +1,45 @@
 #include "base/files.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
+// A file. The inode of one that is gone may be that of a later one, which has another time of
+// birth.
 typedef struct identity {
     dev_t device;
     ino_t inode;
-    bool written; // by the program
+    struct timespec born; // zero where the file system does not tell
+    bool written;         // by the program
 } identity;
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static identity *known;
 static size_t nknown, capacity;
 
+// Returns whether there is something at `path`, and what.
+static bool identify(const char *path, identity *own, struct stat *facts) {
+    struct statx more;
+    if (stat(path, facts) != 0) {
+        return false;
+    }
+    *own = (identity){.device = facts->st_dev, .inode = facts->st_ino};
+    if (statx(AT_FDCWD, path, 0, STATX_BTIME, &more) == 0 && (more.stx_mask & STATX_BTIME) != 0) {
+        own->born = (struct timespec){more.stx_btime.tv_sec, more.stx_btime.tv_nsec};
+    }
+    return true;
+}
+
 // Returns what is known of a file; NULL: nothing. The caller holds the lock.
-static identity *find(const struct stat *facts) {
+static identity *find(const identity *own) {
     for (size_t i = 0; i < nknown; ++i) {
-        if (known[i].device == facts->st_dev && known[i].inode == facts->st_ino) {
+        if (known[i].device == own->device && known[i].inode == own->inode &&
+            known[i].born.tv_sec == own->born.tv_sec &&
+            known[i].born.tv_nsec == own->born.tv_nsec) {
             return &known[i];
         }
     }
@@ -30,11 +49,13 @@ static identity *find(const struct stat *facts) {
 // Notes a file. Without memory for it, the file is not protected.
 static void note(const char *path, bool written) {
     struct stat facts;
-    if (stat(path, &facts) != 0) {
+    identity own;
+    if (!identify(path, &own, &facts)) {
         return;
     }
+    own.written = written;
     pthread_mutex_lock(&lock);
-    identity *found = find(&facts);
+    identity *found = find(&own);
     if (found == NULL && nknown == capacity) {
         const size_t more = 2 * capacity + 16;
         identity *larger = realloc(known, more * sizeof *known);
@@ -42,7 +63,7 @@ static void note(const char *path, bool written) {
         capacity = larger == NULL ? capacity : more;
     }
     if (found == NULL && nknown < capacity) {
-        known[nknown++] = (identity){facts.st_dev, facts.st_ino, written};
+        known[nknown++] = own;
     } else if (found != NULL) {
         found->written = found->written || written;
     }
@@ -86,14 +107,15 @@ static bool is_of_kind(const char *path, const char *kind) {
 
 pm_status pm_files_check_output(const char *path, const char *kind) {
     struct stat facts;
-    if (stat(path, &facts) != 0) {
+    identity own;
+    if (!identify(path, &own, &facts)) {
         return PM_OK;
     }
     if (kind != NULL && !S_ISREG(facts.st_mode)) {
         return pm_fail(PM_EFILE, "%s: this is not a regular file, and is not replaced", path);
     }
     pthread_mutex_lock(&lock);
-    const identity *found = find(&facts);
+    const identity *found = find(&own);
     const bool input = found != NULL && !found->written;
     pthread_mutex_unlock(&lock);
     if (input) {
