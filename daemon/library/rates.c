@@ -11,36 +11,6 @@
 
 // --- opening ---
 
-// Builds the rates k [1][nz] of the whole scene at z [1][nz] with the inputs u [1][nprescribed].
-static pm_status build_rates(pm_graph *g, const pm_system *system, pm_node z, pm_node u,
-                             pm_arena *scratch, pm_node *k) {
-    const pm_physics *physics = &system->scene->physics;
-    const size_t n = (size_t)physics->nsubsystem;
-    pm_state_nodes *state = pm_arena_array(scratch, n, sizeof *state);
-    pm_node *last = pm_arena_array(scratch, (size_t)physics->nport + 1, sizeof *last);
-    pm_node *part = pm_arena_array(scratch, n, sizeof *part);
-    pm_node degeneracy = PM_NO_NODE;
-    PM_TRY(pm_arena_status(scratch, "the rates of a scene"));
-    for (int i = 0; i < physics->nsubsystem; ++i) {
-        const pm_scene_subsystem *s = &physics->subsystem[i];
-        state[i].z = state[i].to = pm_slice(g, z, s->first, s->layout.nz);
-        state[i].from = state[i].response = PM_NO_NODE;
-    }
-    for (int i = 0; i < physics->nport; ++i) {
-        last[i] = PM_NO_NODE;
-    }
-    pm_build_coenergies(g, system, state);
-    pm_build_rates(g, system, state, u, last, &degeneracy);
-    for (int i = 0; i < physics->nsubsystem; ++i) {
-        const int nz = physics->subsystem[i].layout.nz;
-        const pm_node rate = state[i].zdot;
-        part[i] = rate == PM_NO_NODE ? pm_constant(g, 0, 1, nz) : rate;
-        part[i] = pm_broadcast_to(g, part[i], (pm_shape){true, 1, nz});
-    }
-    *k = pm_concat(g, physics->nsubsystem, part);
-    return PM_OK;
-}
-
 // Collects a result of a program.
 static void add_output(pm_node *output, int *count, pm_node x) {
     if (x != PM_NO_NODE) {
@@ -106,7 +76,7 @@ pm_status pm_rates_open(pm_rates *rates, const pm_system *system, pm_rates_task 
         add_output(output, &noutput, E);
         add_output(output, &noutput, S);
     } else {
-        PM_TRY_DONE(build_rates(g, system, x[Z], x[U], &scratch, &k));
+        PM_TRY_DONE(pm_build_scene_rates(g, system, x[Z], x[U], &scratch, &k));
     }
     if (task == PM_RATES || task == PM_TANGENT) {
         add_output(output, &noutput, k);

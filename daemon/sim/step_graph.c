@@ -103,6 +103,35 @@ void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state,
     }
 }
 
+pm_status pm_build_scene_rates(pm_graph *g, const pm_system *system, pm_node z, pm_node prescribed,
+                               pm_arena *scratch, pm_node *k) {
+    const pm_physics *physics = &system->scene->physics;
+    const size_t n = (size_t)physics->nsubsystem;
+    pm_state_nodes *state = pm_arena_array(scratch, n, sizeof *state);
+    pm_node *last = pm_arena_array(scratch, (size_t)physics->nport + 1, sizeof *last);
+    pm_node *part = pm_arena_array(scratch, n, sizeof *part);
+    pm_node degeneracy = PM_NO_NODE;
+    PM_TRY(pm_arena_status(scratch, "the rates of a scene"));
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_scene_subsystem *s = &physics->subsystem[i];
+        state[i].z = state[i].to = pm_slice(g, z, s->first, s->layout.nz);
+        state[i].from = state[i].response = PM_NO_NODE;
+    }
+    for (int i = 0; i < physics->nport; ++i) {
+        last[i] = PM_NO_NODE;
+    }
+    pm_build_coenergies(g, system, state);
+    pm_build_rates(g, system, state, prescribed, last, &degeneracy);
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const int nz = physics->subsystem[i].layout.nz;
+        const pm_node rate = state[i].zdot;
+        part[i] = rate == PM_NO_NODE ? pm_constant(g, 0, 1, nz) : rate;
+        part[i] = pm_broadcast_to(g, part[i], (pm_shape){true, 1, nz});
+    }
+    *k = pm_concat(g, physics->nsubsystem, part);
+    return PM_OK;
+}
+
 // Returns x times the factor of the steps' length, where there are both.
 static pm_node stretched(pm_graph *g, pm_node x, pm_node stretch) {
     return x == PM_NO_NODE || stretch == PM_NO_NODE ? x : pm_mul(g, x, stretch);

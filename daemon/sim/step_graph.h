@@ -40,6 +40,12 @@ void pm_build_port_nodes(pm_graph *g, const pm_system *system, int port,
 void pm_build_rates(pm_graph *g, const pm_system *system, pm_state_nodes *state, pm_node prescribed,
                     pm_node *last, pm_node *degeneracy);
 
+// Builds the rates k [1][nz] of the whole scene at the state z [1][nz], with the values
+// `prescribed` of the boundary inputs, as explicit methods take them. The arena is work space.
+// PM_ENOMEM.
+pm_status pm_build_scene_rates(pm_graph *g, const pm_system *system, pm_node z, pm_node prescribed,
+                               pm_arena *scratch, pm_node *k);
+
 // Work space of pm_build_step.
 typedef struct pm_step_work {
     pm_state_nodes *state; // [nsubsystem]

@@ -538,9 +538,8 @@ static pm_status find_columns(hidden_search *s, column_group group) {
                                                                                  : UNPLACED;
                 // A trial of a larger guess than one that has not ended, or that took more than
                 // what is left for this one, would not end either.
-                const double left = (s->hints->budget - s->spent) / 2;
-                if (own == group &&
-                    !(hides && (s->short_of_time || left < s->trial[0].seconds / 2))) {
+                const bool late = s->hints->budget - s->spent < s->trial[0].seconds;
+                if (own == group && !(hides && (s->short_of_time || late))) {
                     add_guess(s, column->id, column->other[i],
                               alike == 1 ? &column->dimension : NULL);
                 }

@@ -779,6 +779,17 @@ static double push(const pm_logger_view *view, int i, int t) {
     return response(view, t, i) != 0 && view->share[i][t] > FAINT ? view->coupling[i][t] : 0;
 }
 
+// Multiplies all heat capacities, or all inertias, by a factor that data have shown.
+static void scale(pm_logger_view *view, bool heat, double factor) {
+    for (int k = 0; k < view->nvariable; ++k) {
+        pm_logger_column *y = &view->column[k];
+        if ((y->kind == PM_LOGGER_TEMPERATURE) == heat && y->kind != PM_LOGGER_POSITION) {
+            y->inertia *= factor;
+            y->free_scale = false;
+        }
+    }
+}
+
 // Joins the scales of heat and motion. Temperature t changes flow i by `pushes`, and flow i changes
 // temperature t by `cools`. Both come from one entry of L, which fixes the ratio of inertias and
 // heat capacities. The scale that nothing has shown yet follows from the other one.
@@ -790,13 +801,7 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     if (!heat && !view->column[i].free_scale) {
         return;
     }
-    for (int k = 0; k < view->nvariable; ++k) {
-        pm_logger_column *y = &view->column[k];
-        if ((y->kind == PM_LOGGER_TEMPERATURE) == heat && y->kind != PM_LOGGER_POSITION) {
-            y->inertia *= heat ? 1 / ratio : ratio;
-            y->free_scale = false;
-        }
-    }
+    scale(view, heat, heat ? 1 / ratio : ratio);
 }
 
 // Regresses the changes of temperature t, while flow i changes clearly, on the temperatures, on the
@@ -839,14 +844,18 @@ static double regress_heat(const pm_logger_samples *w, int t, int i, bool alone,
 static void find_heat_of_friction(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     double least = FRICTION_SHOWS, ratio = 0;
+    bool forced = pm_logger_heat_is_free(view);
+    for (int a = 0; a < view->naction; ++a) {
+        forced = forced || (view->action[a].effect == PM_LOGGER_DRIVES &&
+                            view->column[view->action[a].target].kind == PM_LOGGER_FLOW);
+    }
     for (int i = 0; i < view->nvariable; ++i) {
         const pm_logger_column *y = &view->column[i];
         for (int t = 0; t < view->nvariable; ++t) {
             const pm_logger_column *T = &view->column[t];
             double heats;
             if (y->kind != PM_LOGGER_FLOW || y->mate >= 0 || !y->free_scale || y->behind >= 0 ||
-                T->kind != PM_LOGGER_TEMPERATURE || T->source == NULL || T->free_scale ||
-                pm_logger_heat_is_free(view)) {
+                T->kind != PM_LOGGER_TEMPERATURE || T->source == NULL || T->free_scale || forced) {
                 continue;
             }
             const double without = regress_heat(w, t, i, true, &heats);
@@ -857,12 +866,8 @@ static void find_heat_of_friction(pm_logger_samples *w) {
             }
         }
     }
-    for (int k = 0; k < view->nvariable && ratio > 0; ++k) {
-        pm_logger_column *y = &view->column[k];
-        if (y->kind != PM_LOGGER_TEMPERATURE && y->kind != PM_LOGGER_POSITION) {
-            y->inertia *= ratio;
-            y->free_scale = false;
-        }
+    if (ratio > 0) {
+        scale(view, false, ratio);
     }
 }
 

@@ -156,7 +156,7 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         snprintf(config, sizeof config, "%s/training.yaml", r->folder);
         static const volatile sig_atomic_t never = 0;
         const pm_fit_arguments a = {.config = config, .output = r->folder, .effort = effort};
-        pm_fit f;
+        pm_fit f = {0};
         pm_status status = space->write(space->context, vector, "", config);
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;

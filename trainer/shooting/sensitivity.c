@@ -47,44 +47,32 @@ struct pm_sensitivity {
 
 // --- opening ---
 
-// Builds the rates of explicit methods, or the change over a whole step of the scene.
+// Builds the rates of explicit methods.
 static pm_status build_rate(pm_graph *g, const pm_sensitivity *f, jacobian *j, pm_arena *scratch) {
+    const int n = f->how.system->scene->physics.nprescribed;
+    j->input = n > 0 ? pm_input(g, true, 1, n) : PM_NO_NODE;
+    return pm_build_scene_rates(g, f->how.system, j->z, j->input, scratch, &j->value);
+}
+
+// Builds the change over a whole step of the scene.
+static pm_status build_step(pm_graph *g, const pm_sensitivity *f, jacobian *j, pm_arena *scratch) {
     const pm_system *system = f->how.system;
     const pm_scene *scene = system->scene;
     const int count = scene->physics.nsubsystem;
-    const bool steps = f->method == &whole;
     pm_node *z = pm_arena_array(scratch, (size_t)count, sizeof *z);
     pm_step_work work = pm_step_work_new(system, scratch);
     PM_TRY(pm_arena_status(scratch, "a step"));
-    j->input = f->ninput > 0 ? pm_input(g, true, 1, steps ? f->ninput : scene->physics.nprescribed)
-                             : PM_NO_NODE;
-    j->stretch = steps && f->how.stretched ? pm_input(g, true, 1, 1) : PM_NO_NODE;
+    j->input = f->ninput > 0 ? pm_input(g, true, 1, f->ninput) : PM_NO_NODE;
+    j->stretch = f->how.stretched ? pm_input(g, true, 1, 1) : PM_NO_NODE;
     work.stretch = j->stretch;
     pm_node degeneracy = PM_NO_NODE;
     for (int i = 0; i < count; ++i) {
         z[i] = pm_slice(g, j->z, scene->physics.subsystem[i].first,
                         scene->physics.subsystem[i].layout.nz);
     }
-    if (steps) {
-        pm_build_step(g, system, f->how.integrator, scene->physics.dt / f->how.substeps,
-                      f->how.substeps, z, j->input, &degeneracy, &work);
-        j->value = pm_sub(g, pm_concat(g, count, z), j->z);
-        return PM_OK;
-    }
-    for (int i = 0; i < count; ++i) {
-        work.state[i] =
-            (pm_state_nodes){.z = z[i], .from = PM_NO_NODE, .to = z[i], .response = PM_NO_NODE};
-    }
-    for (int i = 0; i < scene->physics.nport; ++i) {
-        work.last[i] = PM_NO_NODE;
-    }
-    pm_build_coenergies(g, system, work.state);
-    pm_build_rates(g, system, work.state, j->input, work.last, &degeneracy);
-    for (int i = 0; i < count; ++i) {
-        const pm_node rate = work.state[i].zdot;
-        z[i] = rate == PM_NO_NODE ? pm_scale(g, z[i], 0) : rate;
-    }
-    j->value = pm_concat(g, count, z);
+    pm_build_step(g, system, f->how.integrator, scene->physics.dt / f->how.substeps,
+                  f->how.substeps, z, j->input, &degeneracy, &work);
+    j->value = pm_sub(g, pm_concat(g, count, z), j->z);
     return PM_OK;
 }
 
@@ -133,7 +121,8 @@ static pm_status build(pm_sensitivity *f, jacobian *j) {
     j->z = pm_input(g, true, 1, f->nz);
     j->input = j->stretch = PM_NO_NODE;
     if (j == &f->rate) {
-        PM_TRY_DONE(build_rate(g, f, j, &scratch));
+        PM_TRY_DONE(f->method == &whole ? build_step(g, f, j, &scratch)
+                                        : build_rate(g, f, j, &scratch));
     } else {
         const int n = f->how.system->scene->physics.nprescribed;
         j->input = n > 0 ? pm_input(g, true, 1, n) : PM_NO_NODE;
