@@ -83,7 +83,7 @@ typedef struct pm_fit_position {
     int finer;   // how often the substeps of all stages of steps have been doubled
 } pm_fit_position;
 
-#define PM_FIT_MEASURED_POINT 10 // numbers of a point of the continuation
+#define PM_FIT_MEASURED_POINT 11 // numbers of a point of the continuation
 
 // The measurements of a fit.
 typedef struct pm_fit_measured {

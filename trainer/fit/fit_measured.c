@@ -315,7 +315,8 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
                                                   point->round,         point->factor,
                                                   point->damping,       point->progress.iterations,
                                                   point->progress.idle, point->progress.before,
-                                                  point->finer,         point->stride};
+                                                  point->finer,         point->stride,
+                                                  point->gap};
     memcpy(m->point, number, sizeof number);
     memcpy(m->point_gap, s->terms.gap, (size_t)s->nz * sizeof *s->terms.gap);
     memcpy(m->point_gap + s->nz, s->terms.later, (size_t)s->nz * sizeof *s->terms.later);
@@ -338,7 +339,8 @@ static pm_status restore_point(const pm_fit_measured *m, pm_shooting *s,
         .damping = number[4],
         .progress = {.iterations = (int)number[5], .idle = (int)number[6], .before = number[7]},
         .finer = (int)number[8],
-        .stride = (int)number[9]};
+        .stride = (int)number[9],
+        .gap = number[10]};
     if (point->stage == PM_CONTINUATION_NONE) {
         return PM_OK;
     }
@@ -654,7 +656,7 @@ static pm_status attempt(pm_fit *f, pm_shooting *s, pm_continuation *continuatio
     const pm_status status = pm_continuation_run(s, continuation, end);
     continuation_context *c = continuation->context;
     if (status == PM_EINTERRUPTED && c->ended) {
-        end->length = c->length;
+        *end = (pm_continuation_point){.length = c->length, .gap = INFINITY}; // not known
         c->steps = 0;
         c->ended = false;
         return PM_OK;
@@ -732,6 +734,13 @@ static bool misled(const pm_fit *f, const pm_shooting *s) {
     return hides && exp(excess) > MISLED;
 }
 
+// Returns whether a fit whose last windows have `length` of `longest` samples has not shown that it
+// can predict longer ones. If the gaps together are smaller than the noise, windows are one
+// solution, from which others depart too fast for longer windows.
+static bool stopped_short(double length, int longest, double gap) {
+    return length < longest && !(gap * sqrt(longest / length) < 1);
+}
+
 // Trains, and tries other starts where the first one does not lead to a model.
 static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continuation,
                             int substeps) {
@@ -759,10 +768,9 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
             residual += log(fmax(own, LEAST_RESIDUAL)) / s->ny;
         }
         residual = exp(residual);
-        // A fit that stopped at short windows has not shown that it can predict longer ones.
         const int longest = pm_continuation_longest(s);
-        const double stopped = end.length < longest ? 1 - end.length / (double)longest : 0;
-        residual += stopped;
+        const bool stopped = status != PM_OK || stopped_short(end.length, longest, end.gap);
+        residual += stopped ? 1 - end.length / (double)longest : 0;
         const bool last = p->attempt == MOST_ATTEMPTS;
         bool known = f->training->plain || s->nweight == 0;
         for (int c = 0; c < s->nz; ++c) {
@@ -808,7 +816,7 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         if (p->attempt + 1 == MOST_ATTEMPTS && p->loss == 0) {
             return pm_fail(PM_EUNFIT, "no start leads to a model: %s", pm_error());
         }
-        if (status == PM_OK && stopped > 0) {
+        if (status == PM_OK && stopped) {
             printf("the fit stopped at windows of %d of %d samples: ", end.length, longest);
         } else if (status == PM_OK) {
             printf("the residuals are %.3g %% of the deviation, much more than noise: ",
@@ -1107,7 +1115,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     }
     pm_verdict_compare(&v, unexplained, PM_VERDICT_GOOD, PM_VERDICT_FAIR,
                        "%.3g %% of %s is not explained by noise", 100 * unexplained, name);
-    pm_verdict_compare(&v, m->point[1] < m->longest ? 1 : 0, 1, INFINITY,
+    pm_verdict_compare(&v, stopped_short(m->point[1], m->longest, m->point[10]), 1, INFINITY,
                        "the fit stopped at windows of %.0f of %d samples", m->point[1], m->longest);
     if (validation && known && !f->interrupted) {
         pm_verdict_compare(&v, 1 - least, 1 - LEAST_COVERAGE, INFINITY,

@@ -172,25 +172,27 @@ static double gap_size(const pm_shooting *s, double factor) {
     return count > 0 ? sqrt(square / (double)count) : 0;
 }
 
-// The growth of changes from start to end in units of the gaps, which nine of ten windows do not
-// exceed.
-static double growth(const pm_shooting *s) {
+// By how much errors of starts, in units of the gaps, grow until the second half of a window, in
+// units of the noise: what nine of ten windows do not exceed.
+static double growth(const pm_shooting *s, double factor) {
     double *size = malloc((size_t)s->nwindow * sizeof *size);
-    int n = 0;
     for (int w = 0; w < s->nwindow && size != NULL; ++w) {
-        double largest = 0;
-        for (int i = 0; i < s->nz && !s->window[w].ends; ++i) {
-            for (int k = 0; k < s->nz; ++k) {
-                const double d = s->blocks.end_by_start[((ptrdiff_t)w * s->nz + i) * s->nz + k];
-                largest = fmax(largest, fabs(d) * s->terms.gap[k]);
+        const pm_window *window = &s->window[w];
+        const double *y = s->tracks->track[window->track].y, *row = s->row[window->track];
+        const ptrdiff_t middle = (window->first + window->last) / 2;
+        size[w] = 0;
+        for (ptrdiff_t at = middle * s->ny; at < (ptrdiff_t)window->last * s->ny; ++at) {
+            const double *own = row + at * s->nrow;
+            const double unit = own[s->nrow - 1] * s->terms.noise[at % s->ny] * factor;
+            for (int k = 0; k < s->nz && isfinite(y[at]); ++k) {
+                size[w] = fmax(size[w], fabs(own[k]) * s->terms.gap[k] / unit);
             }
         }
-        if (!s->window[w].ends) {
-            size[n++] = largest;
-        }
     }
-    pm_sort((size_t)n, size);
-    const double most = n > 0 ? size[9 * n / 10] : 0;
+    if (size != NULL) {
+        pm_sort((size_t)s->nwindow, size);
+    }
+    const double most = size == NULL ? INFINITY : size[9 * s->nwindow / 10];
     free(size);
     return most;
 }
@@ -245,6 +247,7 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
     }
     point->round = 0;
     point->progress = progress;
+    point->gap = gap_size(s, point->factor);
     if (continuation->loud) {
         double noise = 0;
         for (int c = 0; c < s->ny; ++c) {
@@ -254,7 +257,7 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
                "deviation, gaps %.2g of the noise\n",
                s->terms.hold ? "starts, windows" : "windows", point->length, iterations,
                ((double)(clock() - started) / CLOCKS_PER_SEC), s->nwindow, 100 * exp(noise),
-               gap_size(s, point->factor));
+               point->gap);
         fflush(stdout);
     }
     return PM_OK;
@@ -440,6 +443,29 @@ static pm_status divide_calmly(pm_shooting *s, const pm_continuation *continuati
     return status;
 }
 
+// Takes the shortest windows in place of first ones in which the noise of a measured start grows too
+// much: a fit that began with them would bend the weights to trajectories whose starts it does not
+// know.
+static pm_status shorten(pm_shooting *s, const pm_continuation *continuation,
+                         pm_continuation_point *p, int substeps) {
+    const int shortest = pm_continuation_first_length(s);
+    if (p->length <= shortest) {
+        return PM_OK;
+    }
+    const bool hold = s->terms.hold;
+    set_gaps(s, continuation, 1);
+    s->terms.hold = true;
+    pm_shooting_evaluate(s, s->z, true);
+    s->terms.hold = hold;
+    PM_TRY(s->failed);
+    if (growth(s, 1) <= MOST_GROWN_GAP) {
+        return PM_OK;
+    }
+    p->length = shortest;
+    PM_TRY(divide_calmly(s, continuation, p, substeps));
+    return update_noise(s, continuation, false, NULL);
+}
+
 // Chooses the point after one that has ended.
 static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
                             pm_continuation_point *point, int substeps) {
@@ -454,7 +480,7 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     }
     point->stage = PM_CONTINUATION_GROW;
     const bool closed = point->factor <= PM_CONTINUATION_LAST_GAP;
-    const bool joins = growth(s) * gap_size(s, point->factor) < MOST_GROWN_GAP;
+    const bool joins = growth(s, point->factor) * gap_size(s, point->factor) < MOST_GROWN_GAP;
     const bool longest = point->length >= pm_continuation_longest(s);
     bool changed = false;
     if (!longest && joins) {
@@ -496,6 +522,7 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
         begin_stage(s, p->stage, substeps);
         PM_TRY(divide_calmly(s, continuation, p, substeps));
         PM_TRY(update_noise(s, continuation, false, NULL));
+        PM_TRY(shorten(s, continuation, p, substeps));
     }
     while (point.stage != PM_CONTINUATION_DONE) {
         begin_stage(s, point.stage, substeps << point.finer);

@@ -33,6 +33,7 @@ typedef struct pm_continuation_point {
     int finer;                     // how often the substeps have been doubled
     int stride;                    // of tracks: that of the shooting
     double after;                  // the objective after the last round
+    double gap;                    // root mean square of gaps then, in deviations of the noise
     pm_shooting_progress progress; // in the present round
 } pm_continuation_point;
 
