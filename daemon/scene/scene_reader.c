@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "model/port.h"
 #include "scene/component.h"
 #include "store/hdf5_io.h"
@@ -126,6 +127,7 @@ static pm_status read_run(pm_scene_reader *r) {
     if (pm_yaml_exists(reference)) {
         PM_TRY(pm_yaml_read(reference, r->arena, reference_keys));
         PM_TRY(read_path(r, file, &run->reference));
+        pm_files_note_input(run->reference); // many programs do not open it
         run->reference_at = pm_yaml_where(file, r->arena);
         const bool named = pm_yaml_exists(trajectory);
         run->reference_trajectory_at = pm_yaml_where(named ? trajectory : reference, r->arena);

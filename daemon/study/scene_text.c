@@ -13,6 +13,10 @@
 #include "base/files.h"
 #include "scene/system.h"
 
+// The first line of a scene that is written: a study replaces no file of another kind, nor a scene
+// that somebody has written by hand.
+#define WRITTEN "# Written by portmetd"
+
 pm_status pm_scene_text_read(const char *path, char **text) {
     size_t size = 0;
     FILE *file = fopen(path, "r");
@@ -138,6 +142,7 @@ pm_status pm_scene_text_check(const char *text, const char *path, const char *we
     if (path == NULL) {
         return PM_OK;
     }
+    PM_TRY_DONE(pm_files_check_output(path, WRITTEN));
     PM_TRY_DONE(pm_scene_parse(&scene, text, path));
     status = pm_system_load(&system, scene, weights);
     if (status != PM_OK) {
@@ -153,8 +158,9 @@ done:
 pm_status pm_scene_text_write(const char *text, const char *path, const char *weights) {
     FILE *file = NULL;
     PM_TRY(pm_scene_text_check(text, path, weights));
-    PM_TRY(pm_files_create(&file, path, NULL));
-    const bool written = fputs(text, file) >= 0;
+    PM_TRY(pm_files_create(&file, path, WRITTEN));
+    const bool again = strncmp(text, WRITTEN, strlen(WRITTEN)) == 0;
+    const bool written = fprintf(file, "%s%s", again ? "" : WRITTEN ".\n", text) >= 0;
     return fclose(file) == 0 && written ? PM_OK
                                         : pm_fail(PM_EFILE, "%s: %s", path, strerror(errno));
 }

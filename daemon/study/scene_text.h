@@ -33,11 +33,11 @@ pm_status pm_scene_text_put_mean_inputs(char **text, const pm_boundary_input *bo
 
 // Reads a text as the scene of the file `path`, which need not be there, with its weights
 // (scene/system.h): paths in a scene count from its folder. Does nothing if `path` is NULL. Fails
-// as pm_scene_parse and pm_system_load do.
+// as pm_scene_parse, pm_system_load, and pm_scene_text_write do.
 pm_status pm_scene_text_check(const char *text, const char *path, const char *weights);
 
-// Writes a text to the file `path`. PM_EFILE; PM_EUSAGE: the program reads that file; otherwise
-// fails as pm_scene_text_check does.
+// Writes a text to the file `path`. PM_EFILE, also if that is a file which no study has written;
+// PM_EUSAGE: the program reads that file; otherwise fails as pm_scene_text_check does.
 pm_status pm_scene_text_write(const char *text, const char *path, const char *weights);
 
 #endif

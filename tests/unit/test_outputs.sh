@@ -21,6 +21,8 @@ refuse "$folder/truth.yaml" truth "$folder/truth.yaml" -o "$folder/truth.yaml"
 refuse "$scene" propose "$scene" --data "$data" -o "$scene"
 refuse "$data" propose "$scene" --data "$data" -o "$data"
 refuse "$data" evaluate "$scene" --data "$data" --record "$data"
+cp "$data" "$folder/others.h5"
+refuse "$data" evaluate "$scene" --data "$folder/others.h5" --record "$data" # the reference of the scene
 program=$portmetd
 refuse "$scene" export "$scene" -o "$scene"
 refuse "$folder/left.h5" export "$scene" -o "$folder/left.h5"
@@ -59,6 +61,12 @@ keep propose "$scene" --data "$data" -o
 program=$portmetd
 keep export "$scene" -o
 keep emit procman "$scene" -o
+keep bench "$scene" --write
+keep stress "$scene" --write
+keep bench "$scene" --processes --write
+cp "$scene" "$folder/own.yaml"
+expect 4 "own.yaml: this file exists and is of another kind" bench "$scene" --write "$folder/own.yaml"
+cmp -s "$scene" "$folder/own.yaml" || fail "bench has replaced a scene that was written by hand"
 mkdir "$folder/code"
 cp "$folder/letter" "$folder/code/pair.h"
 expect 4 "pair.h: this file exists and is of another kind" export "$scene" --c "$folder/code"
