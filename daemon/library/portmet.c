@@ -158,7 +158,7 @@ void portmet_scene_close(portmet_scene *scene) {
         pm_remote_scene *remote = scene->remote;
         if (remote->running) {
             remote->slice = 0;
-            (void)portmet_scene_stop(scene);
+            (void)pm_remote_scene_ask(remote, (portmet_control_t){.kind = PORTMET_CONTROL_T_STOP});
         }
         pm_remote_close(remote->client);
         pm_transport_close(remote->transport);
@@ -318,10 +318,14 @@ int portmet_scene_restore(portmet_scene *scene, const char *name) {
 }
 
 int portmet_scene_stop(portmet_scene *scene) {
-    return scene->remote != NULL
-               ? (int)pm_remote_scene_ask(scene->remote,
-                                          (portmet_control_t){.kind = PORTMET_CONTROL_T_STOP})
-               : PORTMET_OK;
+    return enter(scene) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave(scene,
+                       scene->remote == NULL
+                           ? PM_OK
+                           : pm_remote_scene_ask(scene->remote, (portmet_control_t){
+                                                                    .kind = PORTMET_CONTROL_T_STOP,
+                                                                }));
 }
 
 int portmet_scene_interrupt_after(portmet_scene *scene, double seconds) {
@@ -329,6 +333,7 @@ int portmet_scene_interrupt_after(portmet_scene *scene, double seconds) {
         return (int)pm_fail(PM_EUSAGE, "scene %s: an interruption after %g s%s", scene_name(scene),
                             seconds, scene->remote == NULL ? ": it is stepped here" : "");
     }
+    pm_forget_error();
     scene->remote->slice = seconds;
     return PORTMET_OK;
 }

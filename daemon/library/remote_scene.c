@@ -72,7 +72,12 @@ static pm_status finish(pm_remote_scene *s, pm_status status) {
         (void)hold(s);
         return pm_fail(PM_ETIMEOUT, "%s", reason);
     }
-    s->running = s->running && (s->was_running || status == PM_OK);
+    // Where a run has failed, RESET begins another one.
+    const int8_t phase = pm_remote_reply(s->client)->phase;
+    const bool ended = status != PM_OK && status != PM_ETIMEOUT &&
+                       phase != PORTMET_CONTROL_REPLY_T_RUNNING &&
+                       phase != PORTMET_CONTROL_REPLY_T_HELD;
+    s->running = s->running && !ended && (s->was_running || status == PM_OK);
     return status == PM_OK ? take(s) : status;
 }
 

@@ -170,9 +170,11 @@ class Scenes(unittest.TestCase):
             with self.assertRaises(portmet.Error):
                 wrong()
             self.assertEqual((scene.steps, scene.state.tobytes()), (2, state.tobytes()))
-        scene.step(0)
         library = portmet._library.library
-        self.assertEqual(library.portmet_error(), b"")
+        for succeeds in library.portmet_scene_stop, lambda pointer: library.portmet_scene_step(pointer, 0):
+            with self.assertRaises(portmet.Error):
+                portmet.Scene("nowhere.yaml")
+            self.assertEqual((succeeds(scene._pointer), library.portmet_error()), (0, b""))
         for code in (library.portmet_scene_interrupt_after(scene._pointer, 0.1), library.portmet_scene_wait(scene._pointer)):
             self.assertEqual(code, 2)
             self.assertIn(b"is stepped here", library.portmet_error())
@@ -217,6 +219,9 @@ class Scenes(unittest.TestCase):
         part = portmet.Part("configs/weights/double_pendulum/upper.h5", dt=0.01,
                             initial={"q": [1.5, 0.5], "p": 0, "s": 0})
         energy = part.energy[0]
+        for initial in {"q": 0, "p": 0}, {"q": [1, 2, 3], "p": 0, "s": 0}, {"q": "x", "p": 0, "s": 0}:
+            with self.assertRaises(portmet.Error):
+                portmet.Part("configs/weights/double_pendulum/upper.h5", dt=0.01, initial=initial)
         part.step(100)
         self.assertNotEqual(part["part"]["q"][0], 1.5)
         self.assertAlmostEqual(part.energy[0], energy, delta=1e-6 * abs(energy))
@@ -398,6 +403,15 @@ class Listening(unittest.TestCase):
                 remote.inputs[:] = velocity  # the steps that failed are not taken
                 self.assertTrue((remote.step(3).state == scene.step(3).state).all())
                 self.assertEqual(remote.steps, 3)
+                # A run that has failed is over, and another one may begin.
+                state = remote.state.copy()
+                remote.inputs[:] = 1e200
+                with self.assertRaises(portmet.Error) as failure:
+                    remote.step(2)
+                self.assertEqual((failure.exception.code, remote.steps), (9, 3))
+                self.assertTrue((remote.state == state).all())
+                remote.inputs[:] = velocity
+                self.assertTrue((remote.restart().step(3).state == state).all())
             # Ctrl-C while nobody gives the inputs.
             with portmet.Remote("live_double_pendulum", timeout=60) as remote:
                 timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
@@ -519,10 +533,21 @@ class Copies(unittest.TestCase):
         self.assertRegex(copies.failure, "^copy 2: step 1: subsystem")
         copies.restore(row)
         self.assertEqual((list(copies.ended), list(copies.steps)), ([0, 0, 0], [0, 0, 0]))
-        for wrong in (lambda: portmet.Fleet("configs/driven_lower.yaml", 0), lambda: copies.step(-1),
-                      lambda: copies.set_input("nobody", 0)):
-            with self.assertRaises(portmet.Error):
+
+    def test_wrong_arguments(self):
+        path, copies = "configs/driven_lower.yaml", portmet.Fleet("configs/driven_lower.yaml", 3)
+        row, state = copies.save([1]), copies.state.copy()
+        for wrong in (lambda: portmet.Fleet(path, 0), lambda: portmet.Fleet(path, 2, 2**40), lambda: portmet.Fleet(path, 2, "x"),
+                      lambda: copies.step(-1), lambda: copies.step(1, numpy.zeros(7)), lambda: copies.step(1, "x"),
+                      lambda: copies.set_input("nobody", 0), lambda: copies.set_input("hand.dE/dq", [1, 2]),
+                      lambda: copies.save([7]), lambda: copies.save([0.5]), lambda: copies.restore(row[:, 1:]),
+                      lambda: copies.rollout(start=row[0]), lambda: copies.rollout(steps=-1), lambda: copies.rollout(pieces=-1),
+                      lambda: copies.vjp(0.0, steps=2**64 + 1), lambda: copies.vjp(numpy.zeros(99)), lambda: copies.vjp("x"),
+                      lambda: copies.jvp(steps=1.5), lambda: copies.jvp(numpy.zeros(99))):
+            with self.assertRaises(portmet.Error) as caught:
                 wrong()
+            self.assertEqual(caught.exception.code, 2, caught.exception)
+            self.assertEqual(copies.state.tobytes(), state.tobytes())
 
 
 class Package(unittest.TestCase):

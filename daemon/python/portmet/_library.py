@@ -1,6 +1,7 @@
 """Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import operator
 import os
@@ -101,15 +102,26 @@ def check(code: int) -> None:
         raise Error(code, library.portmet_error().decode())
 
 
-def step_count(count: typing.Any) -> int:
-    """Returns a number of steps as libportmet takes it."""
+def step_count(count: typing.Any, what: str = "steps") -> int:
+    """Returns a number of steps, or of something else, as libportmet takes it."""
     try:
         number = operator.index(count)
     except TypeError:
-        raise UsageError(f"{count!r} steps: expected a whole number") from None
+        raise UsageError(f"{count!r} {what}: expected a whole number") from None
     if not 0 <= number < 1 << 63:
-        raise UsageError(f"{number} steps: expected 0 to 2^63 - 1")
+        raise UsageError(f"{number} {what}: expected 0 to 2^63 - 1")
     return number
+
+
+@contextlib.contextmanager
+def argument(what: str) -> typing.Iterator[None]:
+    """Makes an Error of numpy's refusal of an argument."""
+    try:
+        yield
+    except Error:
+        raise
+    except (TypeError, ValueError, IndexError) as error:
+        raise UsageError(f"{what}: {error}") from None
 
 
 def look_up(table: dict[str, typing.Any], name: str, what: str) -> typing.Any:

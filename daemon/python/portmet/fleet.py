@@ -35,7 +35,8 @@ class Fleet:
 
     def __init__(self, scene, n, threads=0):
         self.scene = scene if isinstance(scene, Scene) else Scene(scene)
-        self.n, self._piece = c.step_count(n), 1
+        self.n, self._piece = c.step_count(n, "copies"), 1
+        threads = min(c.step_count(threads, "threads"), 2**31 - 1)  # the library says how many there may be
         pointer = ctypes.c_void_p()
         c.check(c.library.portmet_fleet_open(ctypes.byref(pointer), self.scene._pointer, self.n, threads))
         self._handle = _FleetHandle(pointer, self.scene._handle)
@@ -54,7 +55,8 @@ class Fleet:
         array that numpy can broadcast to [n, inputs]. Copies that fail raise nothing: see `ended`
         and `failure`. Ctrl-C is answered between two pieces of a tenth of a second."""
         if inputs is not None:
-            self.inputs[:] = inputs
+            with c.argument("inputs"):
+                self.inputs[:] = inputs
         left, self.failure = c.step_count(count), ""
         while True:
             piece, begin = min(left, self._piece), time.monotonic()
@@ -75,7 +77,8 @@ class Fleet:
         states = numpy.empty((pieces, *self.state.shape))
         try:
             if start is not None:
-                self.state[:] = start
+                with c.argument("a start"):
+                    self.state[:] = start
             for piece in range(pieces):
                 self.step(steps, None if inputs is None else inputs[piece])
                 states[piece] = numpy.where(self.ended[:, None] == 0, self.state, numpy.nan)
@@ -89,7 +92,9 @@ class Fleet:
         steps, start), for each copy: by the start [n, variables], and by the inputs [pieces, n,
         inputs]; with `weights` also by the scene's weights [n, weights], in the order of
         weight_names. An input that is NaN counts as a shift of the scene's own value."""
-        seed = numpy.ascontiguousarray(seed, dtype=float)
+        with c.argument("a seed"):
+            seed = numpy.ascontiguousarray(seed, dtype=float)
+        steps = c.step_count(steps)
         pieces, inputs = self._pieces(inputs, len(seed) if seed.ndim == 3 else 1)
         seed = self._row(seed, pieces, len(self.scene.variables))
         start = self._row(start, None, len(self.scene.variables))
@@ -103,6 +108,7 @@ class Fleet:
     def jvp(self, d_start=None, d_inputs=None, d_weights=None, *, inputs=None, steps=1, start=None, pieces=1):
         """Returns the states of rollout(inputs, steps, start, pieces), and their derivatives, of the
         same shape, along directions of start, inputs and weights, in the shapes of vjp."""
+        steps = c.step_count(steps)
         pieces, inputs = self._pieces(inputs, pieces)
         size, names = len(self.scene.variables), self.weight_names if d_weights is not None else {}
         given = (self._row(start, None, size), inputs, self._row(d_start, None, size),
@@ -125,21 +131,25 @@ class Fleet:
 
     def _pieces(self, inputs, pieces):
         """Returns the number of pieces, and the inputs [pieces, n, inputs], or None."""
+        pieces = c.step_count(pieces, "pieces")
         if inputs is None:
             return pieces, None
-        inputs = numpy.asarray(inputs, dtype=float)
+        with c.argument("inputs"):
+            inputs = numpy.asarray(inputs, dtype=float)
         pieces = len(inputs) if inputs.ndim == 3 else pieces
         return pieces, self._row(inputs, pieces, self.inputs.shape[1])
 
     def _row(self, values, pieces, columns):
         """Returns numbers as an array [n, columns], or [pieces, n, columns]; None stays None."""
         shape = (self.n, columns) if pieces is None else (pieces, self.n, columns)
-        return None if values is None else numpy.ascontiguousarray(numpy.broadcast_to(values, shape), dtype=float)
+        with c.argument("an array of numbers for each copy"):
+            return None if values is None else numpy.ascontiguousarray(numpy.broadcast_to(values, shape), dtype=float)
 
     def set_input(self, name, values):
         """Prescribes an input as Scene.set_input does; `values` are one number, or one for each copy."""
         columns = self.scene.input_columns(name)
-        self.inputs[:, columns] = numpy.reshape(values, (-1, 1)) if numpy.ndim(values) == 1 else values
+        with c.argument(f"input {name}"):
+            self.inputs[:, columns] = numpy.reshape(values, (-1, 1)) if numpy.ndim(values) == 1 else values
 
     def save(self, copies=None):
         """Returns the copies of these numbers, or all, as rows that restore() takes. A row has all but
@@ -153,13 +163,15 @@ class Fleet:
         """Puts saved rows back into the copies of these numbers, or all. One row serves many copies."""
         which = self._numbers(copies)
         shape = len(which), c.library.portmet_fleet_row(self._handle.pointer)
-        rows = numpy.ascontiguousarray(numpy.broadcast_to(rows, shape), dtype=float)
+        with c.argument("saved rows"):
+            rows = numpy.ascontiguousarray(numpy.broadcast_to(rows, shape), dtype=float)
         c.check(c.library.portmet_fleet_restore(self._handle.pointer, len(which), which.ctypes.data, rows.ctypes.data))
         return self
 
     def _numbers(self, copies):
         every = numpy.arange(self.n, dtype=numpy.int64)
-        return every if copies is None else numpy.ascontiguousarray(every[copies]).reshape(-1)
+        with c.argument("copies"):
+            return every if copies is None else numpy.ascontiguousarray(every[copies]).reshape(-1)
 
     @property
     def time(self):

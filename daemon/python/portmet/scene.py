@@ -295,10 +295,8 @@ class Scene:
         return self
 
     def _whole_state(self, state: ArrayLike) -> Numbers:
-        try:
+        with c.argument("a state"):
             z = numpy.ascontiguousarray(state, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise c.UsageError(f"a state: {error}") from None
         if z.shape != self.state.shape:
             raise c.UsageError(f"a state of {z.shape}, expected {self.state.shape}")
         return z
@@ -307,10 +305,8 @@ class Scene:
         """Prescribes the input of this name (input_names), or all components of a group ("hand.f"),
         from the next step on. NaN gives it back to the scene."""
         columns = self.input_columns(name)
-        try:
+        with c.argument(f"input {name}"):
             self.inputs[columns] = value
-        except (TypeError, ValueError) as error:
-            raise c.UsageError(f"input {name}: {error}") from None
 
     def input_columns(self, name: str) -> list[int]:
         """Returns the positions in `inputs` of the input of this name, or of a group's components."""
@@ -376,7 +372,7 @@ class Part(Scene):
                  initial: collections.abc.Mapping[str, ArrayLike], integrator: str = "rk4", substeps: int = 1) -> None:
         groups = Weights(weights).layout
         state = "".join(f"      {g.name}: {{unit: \"{g.unit}\", columns: [{_columns(g)}]}}\n" for g in groups)
-        start = ", ".join(f"{g.name}: {_numbers(initial[g.name], g.size)}" for g in groups)
+        start = ", ".join(f"{g.name}: {_numbers(initial, g)}" for g in groups)
         super().__init__(text=(
             f"scene: part\n"
             f"time: {{dt: {dt!r}, steps: 1, integrator: {integrator}, substeps: {substeps}}}\n"
@@ -388,5 +384,7 @@ def _columns(group: Group) -> str:
     return ", ".join(f"{group.name}_{i}" for i in range(group.size))
 
 
-def _numbers(values: ArrayLike, size: int) -> list[float]:
-    return [float(v) for v in numpy.broadcast_to(numpy.asarray(values, dtype=float), size)]
+def _numbers(initial: collections.abc.Mapping[str, ArrayLike], group: Group) -> list[float]:
+    values = c.look_up(dict(initial), group.name, "the initial state")
+    with c.argument(f"the initial state of {group.name}"):
+        return [float(v) for v in numpy.broadcast_to(numpy.asarray(values, dtype=float), group.size)]
