@@ -5,6 +5,7 @@ import importlib.metadata
 import io
 import os
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -235,6 +236,12 @@ class Files(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "copy.h5")
             data.save(path)
+            data.save(path)
+            for other in "README.md", "configs/weights/double_pendulum/upper.h5":
+                kept = shutil.copy(other, folder)
+                with self.assertRaisesRegex(portmet.Error, "of another kind"):
+                    data.save(kept)
+                self.assertEqual(os.path.getsize(kept), os.path.getsize(other))
             again = portmet.Dataset(path)
             self.assertEqual(again.z.tobytes(), data.z.tobytes())
             self.assertEqual((again.columns, again.dt, again.notes), (data.columns, data.dt, data.notes))

@@ -18,6 +18,16 @@ if typing.TYPE_CHECKING:
     Path = typing.Union[str, os.PathLike[str]]
 
 
+def _check_output(path: Path) -> None:
+    """Raises Error if there is a file that no dataset replaces (daemon/base/files.h)."""
+    start = b""
+    if os.path.isfile(path):
+        with contextlib.suppress(OSError), open(path, "rb") as f:
+            start = f.read(16384)
+    if start and (not start.startswith(b"\x89HDF\r\n\x1a\n") or b"portmet weights" in start or b"portmet recording" in start):
+        raise Error(4, f"{os.fspath(path)}: this file exists and is of another kind: remove it, or choose another name")
+
+
 @contextlib.contextmanager
 def _open(path: Path, what: str, mode: str = "r") -> typing.Iterator[typing.Any]:
     """Opens an HDF5 file, and says in an Error if it cannot be read or written, or is of another kind."""
@@ -87,6 +97,7 @@ class Dataset:
 
     def save(self, path: Path) -> None:
         """Writes the dataset, for `fit`, `evaluate` or a scene's reference."""
+        _check_output(path)
         if self.z.shape[2] != len(self.columns):
             raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
         with _open(path, "a dataset", "w") as f:
