@@ -1111,6 +1111,12 @@ pm_status pm_lockstep_node_open(pm_lockstep_node **node, const pm_system *system
         long start = 0;
         pm_serializer serializer = pm_serializer_count("node");
         list(&serializer, &start, subsystems);
+        // A process of this name may have had others, whose states are as long.
+        const pm_scene_process *process = &scene->network.process[process_id];
+        for (int i = 0; i < process->count; ++i) {
+            serializer.layout = pm_digest_text(
+                serializer.layout, scene->physics.subsystem[process->subsystem[i]].name);
+        }
         ring->interval = pm_checkpoint_interval(scene);
         ring->size = serializer.count;
         ring->key = (pm_snapshot_key){system->digest, serializer.layout, 2 * serializer.count,

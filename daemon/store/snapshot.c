@@ -177,8 +177,9 @@ pm_status pm_snapshot_load(const char *path, const pm_snapshot_key *key, int64_t
     if (h.count != key->count || h.layout != key->layout) {
         PM_TRY_DONE(
             pm_fail(PM_EFILE,
-                    "%s: the snapshot holds %" PRId64 " numbers, expected %d others: another "
-                    "version of portmet wrote it, or it is damaged; remove it to begin anew",
+                    "%s: the snapshot holds %" PRId64 " numbers, expected %d others: other parts "
+                    "shared the process, another version of portmet wrote it, or it is damaged; "
+                    "remove it to begin anew",
                     path, h.count, key->count));
     }
     if (fread(read, sizeof *read, count, file) != count || fread(&sum, sizeof sum, 1, file) != 1 ||

@@ -147,6 +147,19 @@ ends calm $pid 0 ""
 same_end calm
 killed killed "$chain" $kills
 
+# A process that keeps its name, but serves another subsystem whose state is as long, has no checkpoint.
+cut=$folder/scene_cut.yaml
+sed 's/^scene: .*/scene: cut/' "$scene" >"$cut"
+echo "processes: {a: [left], b: [right]}" >>"$cut"
+start cut run "$cut" --steps $steps --checkpoint "$folder/cut" --held
+goes_on "$cut" 100
+held cut 100
+kill -INT $pid
+ends cut $pid 12 interrupted
+sed -i "s/a: .left., b: .right./b: [left], a: [right]/" "$cut"
+start exchanged run "$cut" --steps $steps --checkpoint "$folder/cut"
+ends exchanged $pid 4 "the snapshot holds .* other parts shared the process"
+
 # A run that pauses says so while it does: one process is stopped, not killed. No other run takes its folder.
 # Both take seconds; more is tested meanwhile.
 sed -e 's/^lockstep: {/&patience: 1000, /' -e 's/^scene: .*/scene: pausing/' "$chain" >"$folder/pausing.yaml"
