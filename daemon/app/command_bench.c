@@ -9,7 +9,6 @@
 
 #include "app/command.h"
 #include "app/prepare.h"
-#include "base/files.h"
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/progress.h"
@@ -357,10 +356,8 @@ static pm_status report(const bench *b, double target) {
     if (b->options->picture != NULL) {
         // A block for each method, below its title.
         const char *const drawn[] = {"bench", b->options->picture, NULL};
-        char path[4096];
         FILE *file;
-        snprintf(path, sizeof path, "%s.txt", b->options->picture);
-        PM_TRY(pm_files_create(&file, path, NULL));
+        PM_TRY(pm_python_picture_table(&file, b->options->picture));
         const pm_stepping *last = NULL;
         int nblock = 0;
         for (int i = 0; i < b->nsetting; ++i) {
@@ -449,6 +446,7 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&b.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(b.base.scene->path, &b.text));
     PM_TRY_DONE(pm_scene_text_check(b.text, options->write, options->weights));
+    PM_TRY_DONE(options->picture == NULL ? PM_OK : pm_python_picture_table(NULL, options->picture));
     const pm_physics *physics = &b.base.scene->physics;
     if (b.base.boundary_input.end < options->steps) {
         PM_TRY_DONE(pm_fail(PM_EUSAGE,

@@ -7,7 +7,6 @@
 
 #include "app/command.h"
 #include "app/prepare.h"
-#include "base/files.h"
 #include "base/journal.h"
 #include "base/options.h"
 #include "base/progress.h"
@@ -208,8 +207,7 @@ static pm_status report(stress *t) {
     FILE *file = NULL;
     pm_status picture = PM_OK;
     if (options->picture != NULL) {
-        snprintf(text, sizeof text, "%s.txt", options->picture);
-        PM_TRY(pm_files_create(&file, text, NULL));
+        PM_TRY(pm_python_picture_table(&file, options->picture));
     }
     for (int k = 0; k < WIDTHS; ++k) {
         for (int l = 0; l < LENGTHS; ++l) {
@@ -332,6 +330,7 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
     PM_TRY_DONE(pm_scene_text_check(t.text, options->write, options->weights));
+    PM_TRY_DONE(options->picture == NULL ? PM_OK : pm_python_picture_table(NULL, options->picture));
     t.mean = strdup(t.text);
     PM_TRY_DONE(pm_allocated(t.mean, "a scene"));
     PM_TRY_DONE(pm_scene_text_put_mean_inputs(&t.mean, &t.base.boundary_input));

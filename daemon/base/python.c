@@ -11,6 +11,8 @@
 #include "base/child.h"
 #include "base/files.h"
 
+#define PICTURE_TABLE "#: the table of a picture" // its first line
+
 // The package, from the folder of the running program: in the tree of the build, for programs of
 // tests there, and where `cmake --install` puts it.
 static const char *const places[] = {"../daemon/python/portmet", "../../daemon/python/portmet",
@@ -82,6 +84,19 @@ pm_status pm_python_table(FILE **file, const char *folder, const char *name) {
         return pm_fail(PM_EFILE, "%s: the path is too long", folder);
     }
     return pm_files_create(file, path, NULL);
+}
+
+pm_status pm_python_picture_table(FILE **file, const char *name) {
+    char path[PATH_MAX];
+    if ((size_t)snprintf(path, sizeof path, "%s.txt", name) >= sizeof path) {
+        return pm_fail(PM_EFILE, "%s: the path is too long", name);
+    }
+    if (file == NULL) {
+        return pm_files_check_output(path, PICTURE_TABLE);
+    }
+    PM_TRY(pm_files_create(file, path, PICTURE_TABLE));
+    fputs(PICTURE_TABLE "\n", *file);
+    return PM_OK;
 }
 
 pm_status pm_python_table_close(FILE *file, const char *folder) {

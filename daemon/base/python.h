@@ -26,5 +26,9 @@ pm_status pm_python_folder(const char *folder);
 // Opens the table of numbers `name` in `folder` for writing, and closes it. PM_EFILE.
 pm_status pm_python_table(FILE **file, const char *folder, const char *name);
 pm_status pm_python_table_close(FILE *file, const char *folder);
+// Opens NAME.txt, the table of the picture NAME, for writing; with file == NULL it only checks that
+// it may. The caller closes it. PM_EUSAGE: the program reads this file; PM_EFILE, also if it is
+// none that this function has begun.
+pm_status pm_python_picture_table(FILE **file, const char *name);
 
 #endif

@@ -67,6 +67,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/digest.h"
 #include "base/progress.h"
 #include "lockstep/lookahead.h"
 #include "sim/step_controller.h"

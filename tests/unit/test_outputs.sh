@@ -67,6 +67,10 @@ keep bench "$scene" --processes --write
 cp "$scene" "$folder/own.yaml"
 expect 4 "own.yaml: this file exists and is of another kind" bench "$scene" --write "$folder/own.yaml"
 cmp -s "$scene" "$folder/own.yaml" || fail "bench has replaced a scene that was written by hand"
+echo "my notes" >"$folder/notes.txt"
+for study in bench stress; do
+    expect 4 "notes.txt: this file exists and is of another kind" $study "$scene" --steps 2 --picture "$folder/notes"
+done
 mkdir "$folder/code"
 cp "$folder/letter" "$folder/code/pair.h"
 expect 4 "pair.h: this file exists and is of another kind" export "$scene" --c "$folder/code"

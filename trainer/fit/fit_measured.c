@@ -311,11 +311,16 @@ static pm_status keep_point(void *context, const pm_continuation_point *point) {
         }
         PM_TRY(pm_identifiability_warn(c->shooting, noise, gap));
     }
-    const double number[PM_FIT_MEASURED_POINT] = {point->stage,         point->length,
-                                                  point->round,         point->factor,
-                                                  point->damping,       point->progress.iterations,
-                                                  point->progress.idle, point->progress.before,
-                                                  point->finer,         point->stride,
+    const double number[PM_FIT_MEASURED_POINT] = {point->stage,
+                                                  point->length,
+                                                  point->round,
+                                                  point->factor,
+                                                  point->damping,
+                                                  point->progress.iterations,
+                                                  point->progress.idle,
+                                                  point->progress.before,
+                                                  point->finer,
+                                                  point->stride,
                                                   point->gap};
     memcpy(m->point, number, sizeof number);
     memcpy(m->point_gap, s->terms.gap, (size_t)s->nz * sizeof *s->terms.gap);

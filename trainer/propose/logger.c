@@ -148,6 +148,9 @@ static void describe(const pm_logger_view *v, const char *found) {
         }
         printf("%s\n", column->held ? "; held between samples" : "");
     }
+    for (int k = 0; k < v->nleft; ++k) {
+        printf("%s is left out, since it shows nothing but noise\n", v->left[k]);
+    }
     for (const char *line = found; line != NULL && *line != '\0'; line = strchr(line, '\n') + 1) {
         const char *gain = strstr(line, ".gain_"), *end = strchr(line, '\n');
         const char *mark = strstr(line, PM_SEARCH_SPARE), *value = strchr(line, '=');

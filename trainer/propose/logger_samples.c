@@ -274,6 +274,7 @@ void pm_logger_find_noise(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     view->even = view->complete = true;
+    view->noisy = false;
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int k = 0; k < d->ntime; ++k) {
             const double off = pm_logger_time(w, i, k) - pm_logger_time(w, i, 0) - k * d->dt;

@@ -29,7 +29,9 @@
 #define JUMPS 0.2           // of the changes: a column jumps with an input that explains so much
 #define FEWEST_AT_TOP 5     // steps in which a sensor that saturates stays at its largest value
 #define SELDOM_EQUAL 0.05
-#define ROOM 293.15 // K
+#define NOTHING_ELSE 0.9 // of the deviation of a column: its noise, if it shows nothing else
+#define LEFT_OUT -2      // in place of a base
+#define ROOM 293.15      // K
 
 static bool has_unit(const pm_logger_column *c, const char *unit) {
     const pm_unit other = pm_unit_parse(unit);
@@ -675,28 +677,30 @@ static void find_actions(pm_logger_view *view) {
             }
         }
     }
-    // The first estimate of a hidden temperature comes from the rate of another one, so that
-    // regressions cannot tell which of both a bath reaches. It then reaches all temperatures of the
-    // part.
-    for (int h = 0; h < view->nvariable; ++h) {
-        const pm_logger_column *hidden = &view->column[h];
-        const bool hides = hidden->behind >= 0 && hidden->kind == PM_LOGGER_TEMPERATURE;
-        for (int a = 0; a < view->naction && hides; ++a) {
-            pm_logger_action bath = view->action[a];
-            if (bath.effect != PM_LOGGER_BATH || view->column[bath.target].part != hidden->part) {
-                continue;
+    // A bath of one temperature of a part is near the others, too: what passes to those that change
+    // for many reasons is too little for a regression. The first estimate of a hidden temperature
+    // comes from the rate of another one, so that regressions cannot tell which of both it reaches.
+    const int found = view->naction;
+    for (int a = 0; a < found; ++a) {
+        pm_logger_action bath = view->action[a];
+        const int part = view->column[bath.target].part;
+        bool hides = false;
+        for (int h = 0; h < view->nvariable && bath.effect == PM_LOGGER_BATH; ++h) {
+            const pm_logger_column *hidden = &view->column[h];
+            hides = hides || (hidden->behind >= 0 && hidden->kind == PM_LOGGER_TEMPERATURE &&
+                              hidden->part == part);
+        }
+        for (int c = 0; c < view->nvariable && view->naction < PM_LOGGER_ACTIONS; ++c) {
+            bool reached = bath.effect != PM_LOGGER_BATH || view->column[c].part != part ||
+                           view->column[c].kind != PM_LOGGER_TEMPERATURE;
+            for (int b = 0; b < view->naction; ++b) {
+                reached = reached || (view->action[b].target == c &&
+                                      (view->action[b].input == bath.input ||
+                                       (view->action[b].effect == PM_LOGGER_BATH && !hides)));
             }
-            for (int c = 0; c < view->nvariable && view->naction < PM_LOGGER_ACTIONS; ++c) {
-                bool reached = view->column[c].kind != PM_LOGGER_TEMPERATURE ||
-                               view->column[c].part != hidden->part;
-                for (int b = 0; b < view->naction; ++b) {
-                    reached = reached ||
-                              (view->action[b].input == bath.input && view->action[b].target == c);
-                }
-                if (!reached) {
-                    bath.target = c;
-                    view->action[view->naction++] = bath;
-                }
+            if (!reached) {
+                bath.target = c;
+                view->action[view->naction++] = bath;
             }
         }
     }
@@ -1317,12 +1321,14 @@ static bool saturates(const pm_logger_samples *w, int c) {
            equal[0] <= SELDOM_EQUAL * steps[0];
 }
 
-// Copies the columns, inputs last. From column c that of base[c] is subtracted, unless it is -1.
+// Copies the columns, inputs last, but those whose base[c] is LEFT_OUT. From column c that of
+// base[c] is subtracted, unless it is -1.
 static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints, const int *base) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     const char **unit = NULL;
     bool input[PM_LOGGER_COLUMNS] = {false};
+    view->ncolumn = view->nvariable = 0;
     PM_TRY(pm_dataset_units(d, &view->arena, &unit));
     if (2 * d->ncolumn > PM_LOGGER_COLUMNS) {
         return pm_fail(PM_EDATA, "a proposal without a scene takes at most %d columns, found %d",
@@ -1350,7 +1356,7 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     }
     for (int pass = 0; pass < 2; ++pass) {
         for (int c = 0; c < d->ncolumn; ++c) {
-            if (input[c] != (pass == 1)) {
+            if (input[c] != (pass == 1) || base[c] == LEFT_OUT) {
                 continue;
             }
             pm_logger_column *column = &view->column[view->ncolumn];
@@ -1395,6 +1401,21 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
+// Leaves out columns that show nothing but noise, from which no trial could learn, unless all do so
+// or the user names the columns of parts.
+static void leave_noise(pm_logger_view *view, const pm_logger_hints *hints, int *base) {
+    int count = 0;
+    for (int c = 0; c < view->nvariable; ++c) {
+        count += view->column[c].roughness > NOTHING_ELSE;
+    }
+    for (int c = 0; c < view->nvariable && hints->npart == 0 && count < view->nvariable; ++c) {
+        if (view->column[c].roughness > NOTHING_ELSE) {
+            view->left[view->nleft++] = view->column[c].source;
+            base[view->column[c].id] = LEFT_OUT;
+        }
+    }
+}
+
 // Offers more guesses to trials: friction heats the temperature of a neighbour, an entropy depends
 // on the positions of its part, and inertias do not depend on a length.
 static void offer_laws(pm_logger_view *view) {
@@ -1423,7 +1444,7 @@ static void offer_laws(pm_logger_view *view) {
 }
 
 static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_logger_hints *hints,
-                      const int *base) {
+                      int *base) {
     pm_logger_samples w = {.view = view, .nrow = dataset->ntrajectory * dataset->ntime};
     const size_t n = (size_t)w.nrow;
     pm_status status;
@@ -1438,8 +1459,13 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
         w.time[k] = pm_dataset_time(dataset, k / dataset->ntime, k % dataset->ntime);
     }
     PM_TRY_DONE(take_columns(&w, hints, base));
-    PM_TRY_DONE(read_parts(view, hints));
     pm_logger_find_noise(&w);
+    leave_noise(view, hints, base);
+    if (view->nleft > 0) {
+        PM_TRY_DONE(take_columns(&w, hints, base));
+        pm_logger_find_noise(&w);
+    }
+    PM_TRY_DONE(read_parts(view, hints));
     PM_TRY_DONE(find_kinds(&w, hints));
     for (int c = 0; c < view->nvariable; ++c) {
         const pm_logger_column *column = &view->column[c];

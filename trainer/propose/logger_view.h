@@ -205,6 +205,8 @@ typedef struct pm_logger_view {
     int nport;
     int port[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts that move each other
     int nidle;
+    const char *left[PM_LOGGER_COLUMNS]; // columns that show nothing but noise, which are left out
+    int nleft;
     int idle[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts of the hints that do not
     int naction;
     pm_logger_action action[PM_LOGGER_ACTIONS];

@@ -443,9 +443,9 @@ static pm_status divide_calmly(pm_shooting *s, const pm_continuation *continuati
     return status;
 }
 
-// Takes the shortest windows in place of first ones in which the noise of a measured start grows too
-// much: a fit that began with them would bend the weights to trajectories whose starts it does not
-// know.
+// Takes the shortest windows in place of first ones in which the noise of a measured start grows
+// too much: a fit that began with them would bend the weights to trajectories whose starts it does
+// not know.
 static pm_status shorten(pm_shooting *s, const pm_continuation *continuation,
                          pm_continuation_point *p, int substeps) {
     const int shortest = pm_continuation_first_length(s);

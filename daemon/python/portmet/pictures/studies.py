@@ -25,7 +25,7 @@ def bench(name):
 def stress(name):
     """The map of starts and steps, without places from which no rollout was made."""
     with open(name + ".txt") as file:
-        rows = [[float(word) for word in line.split()] for line in file]
+        rows = [[float(word) for word in line.split()] for line in file if not line.startswith("#")]
     cells = [f"{x} {y} {value}" for y, row in enumerate(rows) for x, value in enumerate(row) if not math.isnan(value)]
     both(name, "set palette defined (0 '#009e73', 0.5 '#e69f00', 1 '#d55e00')\nset cbrange [0:1]\nunset grid\n"
          f"set xrange [-0.5:{len(rows[0]) - 0.5}]\nset yrange [-0.5:{len(rows) - 0.5}]\n"
