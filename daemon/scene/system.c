@@ -364,19 +364,18 @@ pm_status pm_system_check_range(const pm_system *system, int count, const double
             // What was nearly constant has no width.
             const double most = FAR * fmax(high - low, NARROW * fmax(fabs(low), fabs(high)));
             double value, far = 0;
-            int n = 0, above = 0, below = 0;
+            int n = 0, outside = 0; // on either side, between which a unit too small swings
             for (int k = 0; k < count; ++k) {
                 const double *own = z + (size_t)k * (size_t)scene->physics.nz;
                 own += scene->physics.subsystem[i].first;
                 value = pm_training_range_of_group(range, g, own).value;
                 n += isfinite(value);
-                above += value > high + most;
-                below += value < low - most;
-                far = value > high + most || value < low - most ? value : far;
+                const bool is_far = value > high + most || value < low - most;
+                outside += is_far;
+                far = is_far ? value : far;
             }
-            if ((2 * above > n || 2 * below > n) &&
-                (pm_part_depends(part, &part->spec.energy, name) ||
-                 pm_part_depends(part, &part->spec.entropy, name))) {
+            if (2 * outside > n && (pm_part_depends(part, &part->spec.energy, name) ||
+                                    pm_part_depends(part, &part->spec.entropy, name))) {
                 return pm_fail(PM_EDATA,
                                "%s: %s.%s is %.4g %s, and the weights %s were trained on %.4g to "
                                "%.4g: are they of another system, or is the unit another? With "

@@ -349,6 +349,8 @@ static void test_range(void **state) {
         {{1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1, 3, 1, 1, 3, 0, 1, 3}, 3, "", NULL},
         {{1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1500, 3, 1, 1, 3, 0, 1, 3}, 3, "", "1500"},
         {{1, 1, 3, 0, 1, 3, 1, 1, NAN, 0, 1, 3}, 2, "", NULL},
+        // What swings around the range is outside, too.
+        {{1, 1, 99, 0, 1, 3, 1, 1, -99, 0, 1, 3}, 2, "", "upper.s is -99 J/K"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         char text[100];
