@@ -96,6 +96,9 @@ static void open_fmu(fmu *f, const char *path, const char *token) {
 }
 
 static void start(const fmu *f, fmi3Instance i) {
+    if (CALL(f, begin, "fmi3EnterInitializationMode")(i, false, 0, NAN, false, 0) == fmi3OK) {
+        stop("a run begins at no time");
+    }
     require(CALL(f, begin, "fmi3EnterInitializationMode")(i, false, 0, 0, false, 0),
             "initialization");
     require(CALL(f, plain, "fmi3ExitInitializationMode")(i), "end of initialization");

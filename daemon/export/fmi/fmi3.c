@@ -177,6 +177,9 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance i, fmi3Boolean has_tolerance
     if (!is_in(i, PHASE(INSTANTIATED))) {
         return refuse(i, "fmi3EnterInitializationMode: the FMU is initialized already");
     }
+    if (!isfinite(start)) {
+        return refuse(i, "fmi3EnterInitializationMode: the start is not finite");
+    }
     instance *m = i;
     m->now.start = m->now.scene.time = start;
     m->now.phase = INITIALIZING;
@@ -412,8 +415,8 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance i, const fmi3ValueReference unk
 // --- Model Exchange ---
 
 fmi3Status fmi3SetTime(fmi3Instance i, fmi3Float64 time) {
-    if (i == NULL) {
-        return fmi3Error;
+    if (i == NULL || !isfinite(time)) {
+        return refuse(i, "fmi3SetTime: the time is not finite");
     }
     ((instance *)i)->now.scene.time = time;
     return fmi3OK;
