@@ -7,6 +7,8 @@
 #define FAR 24
 #define SCALE 48
 #define BIAS 1100
+// Changes that have grown in so many rounds in a row diverge: rounding alone goes up and down.
+#define RISING 5
 
 void pm_iteration_hear(pm_iteration *iteration, uint64_t known) {
     const uint64_t scale = known >> SCALE;
@@ -25,7 +27,8 @@ bool pm_iteration_end_round(pm_iteration *iteration, double change, double open,
     const uint64_t own = weighs ? (uint64_t)(ilogb(it->start) + BIAS) : 0;
     it->scale = near && it->heard_scale > own ? it->heard_scale : own;
     const bool counts = open > 0 && (it->scale == 0 || open > ldexp(1, (int)it->scale - BIAS));
-    const bool small = change <= PM_ITERATION_ACCEPTED && !counts;
+    it->rising = change > it->change ? it->rising + 1 : 0;
+    const bool small = change <= PM_ITERATION_ACCEPTED && !counts && it->rising < RISING;
     const bool late = near && left <= diameter + 1 && small;
     const bool rounding = change <= PM_ITERATION_ROUNDING && change >= it->change;
     const bool converged = change <= PM_ITERATION_CONVERGED || rounding || late;

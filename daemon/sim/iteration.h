@@ -8,11 +8,11 @@
 // round after it was set is the last one.
 //
 // The last rounds that an iteration may have accept more: a change of PM_ITERATION_ACCEPTED, if it
-// leaves no energy open that counts beside the largest energy of a subsystem. The subsystems expose
-// the exponent of the largest energy that they know of, too. If bit D says then that not all have
-// converged, all of them give up in the same round. Where D is so large that the bits do not reach
-// all of them in time, only a subsystem that has not converged itself knows it: it is stuck, which
-// ends the run.
+// leaves no energy open that counts beside the largest energy of a subsystem, and does not grow
+// round by round. The subsystems expose the exponent of the largest energy that they know of, too.
+// If bit D says then that not all have converged, all of them give up in the same round. Where D is
+// so large that the bits do not reach all of them in time, only a subsystem that has not converged
+// itself knows it: it is stuck, which ends the run.
 #ifndef PM_SIM_ITERATION_H
 #define PM_SIM_ITERATION_H
 
@@ -36,6 +36,7 @@ typedef struct pm_iteration {
     uint64_t known;      // the bits
     uint64_t heard;      // those that all neighbours have exposed in this round
     uint64_t scale, heard_scale; // exponents of the largest energies; see iteration.c
+    int rising;                  // rounds, up to the last one, in which the change has grown
     bool last;                   // the round that begins is the last one
     bool gave_up; // it is the last one although not all have converged, as all of them know
     bool stuck;   // it is the last one although this subsystem has not converged

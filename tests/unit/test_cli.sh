@@ -195,6 +195,24 @@ succeed "steps in violation: 0;" run "$folder/hot.yaml" --in-process
 sed -i 's/Tr: 30000.0/Tr: 3000000.0/' "$folder/hot.yaml"
 expect 9 "step 2: the iteration does not converge in pieces of 0.00469 s" run "$folder/hot.yaml" --in-process
 grep -q "steps in violation: 0;" "$folder/out" || fail "hot.yaml: the step before is right"
+# Fast conduction on a grid: an iteration that diverges slowly is not taken for one that has converged.
+cat >"$folder/grid.yaml" <<'END'
+scene: grid
+time: {dt: 0.5, steps: 10, integrator: discrete_gradient}
+models:
+  cell: {constants: {c: 1.0}, energy: "300*c*(exp(s/c) - 1)", entropy: s}
+  heat: {law: bracket, constants: {K: 10.0}, irreversible: {given: [[a.s, b.s, "K*b.dE.s/a.dE.s"]]}}
+subsystems:
+  hot: {model: cell, state: {s: {unit: J/K, size: 1}}, initial: {s: 0.2}}
+  "cell[0:4][0:4]": {model: cell, state: {s: {unit: J/K, size: 1}}, initial: {s: 0.0}}
+ports:
+  at: {law: bracket, between: [hot, cell0_0], expose: {hot: s, cell0_0: s}, model: heat}
+  "right[0:4][0:3]":
+    {law: bracket, between: ["cell[i][j]", "cell[i][j+1]"], expose: {"cell[i][j]": s, "cell[i][j+1]": s}, model: heat}
+  "down[0:3][0:4]":
+    {law: bracket, between: ["cell[i][j]", "cell[i+1][j]"], expose: {"cell[i][j]": s, "cell[i+1][j]": s}, model: heat}
+END
+succeed "steps in violation: 0;" run "$folder/grid.yaml" --in-process
 
 # A recording takes the place of no other file, and never of one that the run reads.
 echo "a letter" >"$folder/letter"

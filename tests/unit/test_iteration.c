@@ -153,16 +153,20 @@ static void test_all_give_up_together(void **state) {
         double change, open;
         int diameter; // beyond the number of subsystems
         bool solved;
-    } c[] = {{0.9 * PM_ITERATION_ACCEPTED, 0.4, 0, true},
-             {0.9 * PM_ITERATION_ACCEPTED, 1.1, 0, false},
-             {1.1 * PM_ITERATION_ACCEPTED, 0, 0, false},
-             {1.1 * PM_ITERATION_ACCEPTED, 0, 25, false}};
+        double growth; // of the change from one round to the next
+    } c[] = {{0.9 * PM_ITERATION_ACCEPTED, 0.4, 0, true, 1},
+             {0.9 * PM_ITERATION_ACCEPTED, 1.1, 0, false, 1},
+             {1.1 * PM_ITERATION_ACCEPTED, 0, 0, false, 1},
+             {1.1 * PM_ITERATION_ACCEPTED, 0, 25, false, 1},
+             {0.5 * PM_ITERATION_ACCEPTED, 0, 0, true, 0.99},
+             {0.5 * PM_ITERATION_ACCEPTED, 0, 0, false, 1.01}};
     pm_rng rng;
     pm_rng_init(&rng, 6, 0);
     for (int i = 0; i < 400; ++i) {
         const graph g = random_graph(&rng);
         const int slow = (int)pm_rng_below(&rng, (uint64_t)g.n), n = g.n;
-        const int heavy = (int)pm_rng_below(&rng, (uint64_t)g.n), row = i % 4;
+        const int heavy = (int)pm_rng_below(&rng, (uint64_t)g.n);
+        const size_t row = (size_t)i % (sizeof c / sizeof *c);
         pm_iteration it[MOST];
         int ended = 0, rounds = 0;
         for (int k = 0; k < n; ++k) {
@@ -170,6 +174,7 @@ static void test_all_give_up_together(void **state) {
             it[k].start = k == heavy ? -0.6 : 0;
         }
         for (; ended == 0; ++rounds) {
+            const double change = c[row].change * pow(c[row].growth, rounds - ROUNDS);
             uint64_t known[MOST];
             for (int k = 0; k < n; ++k) {
                 known[k] = it[k].known;
@@ -180,7 +185,7 @@ static void test_all_give_up_together(void **state) {
                         pm_iteration_hear(&it[k], known[m]);
                     }
                 }
-                ended += pm_iteration_end_round(&it[k], k == slow ? c[row].change : 0, c[row].open,
+                ended += pm_iteration_end_round(&it[k], k == slow ? change : 0, c[row].open,
                                                 n - 1 + c[row].diameter, ROUNDS - 1 - rounds);
                 assert_true(!it[k].gave_up || (rounds >= ROUNDS - 2 && !c[row].solved));
             }
