@@ -85,4 +85,17 @@ found=$?
 [ $found -eq 4 ] || fail "truth: expected exit code 4, found $found"
 says truth "pendulum.h5: cannot write .*(No space left on device)" || fail "truth: no cause"
 [ -z "$(ls "$folder/truth")" ] || fail "truth: something is left: $(ls "$folder/truth")"
+
+# Where nothing can be written, whoever writes says so, and what is there stays.
+mount -o remount,ro "$folder/disk700" || fail "no file system that is read-only"
+before=$(cksum "$folder/disk700/run.h5")
+for write in "--in-process --record $folder/disk700/run.h5" "--in-process --record $folder/disk700/new.h5" \
+    "--checkpoint $folder/disk700/saved"; do
+    start locked run "$scene" --quiet --steps 5 $write
+    ends locked $pid 4 "disk700.*Read-only file system"
+done
+"$4" truth "$(dirname "$0")/../../configs/truth/double_pendulum.yaml" -o "$folder/disk700/new.h5" --trajectories \
+    0:1 >"$folder/locked.out" 2>"$folder/locked.err"
+[ $? -eq 4 ] && says locked "disk700/new.h5: .*Read-only file system" || fail "truth: read-only"
+[ "$before" = "$(cksum "$folder/disk700/run.h5")" ] || fail "the recording has changed"
 finish
