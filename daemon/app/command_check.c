@@ -118,6 +118,9 @@ static void print_model(bool known, const char *text, const pm_params *params,
     printf("             made by: %s\n", provenance->command);
     printf("             data %s, seed %" PRIu64 ", loss %.3g, trained for %.0f s\n",
            provenance->data, provenance->seed, provenance->loss, provenance->seconds);
+    if (*provenance->system != '\0') {
+        printf("             of the system %s\n", provenance->system);
+    }
     if (*provenance->verdict != '\0') {
         printf("             the fit's verdict: %s\n", provenance->verdict);
     }

@@ -243,6 +243,7 @@ says '^Verdict: UNFIT\.'
 # The weights say so wherever they are used.
 "$portmetd" check "$folder/scene.yaml" --weights "$folder/dishonest" >"$folder/out" 2>"$folder/err"
 says "the fit's verdict: UNFIT: on the validation part"
+says 'of the system [a-z]'
 "$portmetd" run "$folder/scene.yaml" --in-process --steps 2 --weights "$folder/dishonest" \
     >"$folder/err" 2>"$folder/out"
 says 'the verdict on the fit of .*/dishonest/[a-z]*\.h5: UNFIT: on the validation part'
