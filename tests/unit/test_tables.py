@@ -4,6 +4,7 @@ damaged ends with one line and the exit code of a file or its content, never wit
 import contextlib
 import gzip
 import io
+import math
 import os
 import pathlib
 import random
@@ -133,6 +134,15 @@ def tables():
     same("logger", z, [[[0.5, nan], [nan, 2], [0.75, 3], [0.75, 3]]])
     same("logger, times", t, [[0, 0.02, 0.04, 0.045]])
     check("1 rows that repeat a time" in said and "2 samples that --missing names" in said, f"logger: {said}")
+
+    turns = write("turns.csv", "t [s],phi [deg],q [rad],x [m]\n0,170,3,170\n1,-175,-3,-175\n2,,3,10\n3,178,-3,178\n4,-178,,-178\n")
+    z, _, _, _, said = imported("turns", turns, program=True)
+    same("turns", z, [[[170, 3, 170], [185, 2 * math.pi - 3, -175], [nan, 3, 10], [178, 2 * math.pi - 3, 178],
+                       [182, nan, -178]]])
+    check(said.count("its turns are joined") == 2, f"turns: {said}")
+    swings = write("swings.csv", "t [s],phi [deg]\n0,100\n1,-70\n2,90\n")
+    z, _, _, _, said = imported("swings", swings, program=True)
+    same("swings", z, [[[100], [-70], [90]]])
 
     plain = write("plain.txt", "# t x y\n 0.00e+00  1.0e+00 -1\n 5.00e-01  2.0e+00 nan\n 1.00e+00  3.0e+00  1\n")
     z, t, names, _, _ = imported("plain", plain)

@@ -26,6 +26,8 @@ FOREIGN = {
     b"PK\x03\x04": "this is a spreadsheet or an archive",
     b"\xd0\xcf\x11\xe0": "this is an old spreadsheet",
 }
+TURNS = {"deg": 360.0, "degree": 360.0, "degrees": 360.0, "\u00b0": 360.0, "rad": 2 * numpy.pi, "mrad": 2e3 * numpy.pi}
+WITHIN = 1.02  # turns: noise may lead out of one
 NAMES_MOST = 60000  # bytes of an attribute
 ROOM, TIMES_ROOM = 1 << 30, 100  # bytes of memory to read a binary file, and beyond that, times its size
 
@@ -146,6 +148,25 @@ def even_times(times):
     return times, float(f"{numpy.median(numpy.concatenate([numpy.diff(time) for time in times])):.9g}")
 
 
+def unwrap(runs):
+    """Joins angles that a sensor shows within one turn, at whose end they jump: all are within a turn, and some change by
+    more than half of it from sample to sample. Returns the names of their columns."""
+    names = []
+    for c, (name, unit) in enumerate(zip(runs[0].names, runs[0].units)):
+        turn = TURNS.get(unit.strip().lower())
+        columns = [run.value[numpy.isfinite(run.value[:, c]), c] for run in runs]
+        columns = [column for column in columns if len(column) > 1]
+        if turn is None or not columns:
+            continue
+        span = max(column.max() for column in columns) - min(column.min() for column in columns)
+        if span <= WITHIN * turn and max(abs(numpy.diff(column)).max() for column in columns) > turn / 2:
+            names.append(name)
+            for run in runs:
+                there = numpy.isfinite(run.value[:, c])
+                run.value[there, c] = numpy.unwrap(run.value[there, c], period=turn)
+    return names
+
+
 def join(words):
     parser = argparse.ArgumentParser(prog="tables")
     parser.add_argument("output")
@@ -181,6 +202,8 @@ def join(words):
                                     "rows that repeat a time are left out: the first ones count")):
         if count:
             say(f"{count} {what}")
+    for name in unwrap(runs):
+        say(f"{name} jumps at the end of a turn: its turns are joined")
     times = [run.time for run in runs]
     if any(time[0] != times[0][0] for time in times) or abs(times[0][0]) > 1e8:
         say("each trajectory begins at the time 0")
