@@ -611,6 +611,81 @@ static void noise_shows_beside_inputs_that_jump(void **state) {
     }
 }
 
+// --- a weight whose speed is sampled rarely, beside a column of noise ---
+
+static void still_rate(const double *z, double *rate) {
+    weight_rate(z, rate);
+    rate[2] = 0;
+}
+
+static void rare_samples_count_and_noise_does_not(void **state) {
+    (void)state;
+    enum { RARELY = 4 };
+    static const char *const column[] = {"q", "w", "battery"};
+    pm_dataset *d = record(&(logged){3, 0, column, "rad;rad/s;V", 0.01, still_rate, NULL});
+    pm_rng rng;
+    pm_rng_init(&rng, 1, 0);
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        for (int k = 0; k < SAMPLES; ++k) {
+            pm_dataset_state(d, i, k)[1] += k % RARELY == 0 ? 0 : NAN;
+            pm_dataset_state(d, i, k)[2] = 3.7 + 0.01 * pm_rng_normal(&rng);
+        }
+    }
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.nvariable, 2);
+    assert_int_equal(v.nleft, 1);
+    assert_string_equal(v.left[0], "battery");
+    assert_int_equal(v.column[1].spacing, RARELY);
+    assert_int_equal(v.column[0].mate, 1);
+    assert_true(fabs(v.column[0].ratio - 1) < 0.02);
+    assert_false(v.complete);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// --- two temperatures in a room, of which one is heated ---
+
+static void room_rate(const double *z, double *rate) {
+    const double between = 4 * (z[0] - z[1]);
+    rate[0] = (z[2] - between - 0.3 * (z[0] - z[3])) / 300;
+    rate[1] = (between - 3 * (z[1] - z[3])) / 200;
+    rate[2] = rate[3] = 0;
+}
+
+static void some_room(int i, double *z) {
+    z[0] = 300 + 3 * cos(1.7 * i);
+    z[1] = 298 + 3 * cos(2.1 * i);
+    z[2] = 30 + 30 * cos(2.9 * i);
+    z[3] = 290 + 3 * cos(0.7 * i);
+}
+
+static void a_bath_reaches_all_temperatures_of_a_part(void **state) {
+    (void)state;
+    static const char *const column[] = {"T1", "T2", "heater", "room"};
+    pm_dataset *d = record(&(logged){4, 0, column, "K;K;W;K", 4, room_rate, some_room});
+    pm_rng rng;
+    pm_rng_init(&rng, 2, 0);
+    for (int i = 0; i < TRAJECTORIES; ++i) {
+        for (int k = 0; k < SAMPLES; ++k) {
+            pm_dataset_state(d, i, k)[0] += 0.05 * pm_rng_normal(&rng);
+            pm_dataset_state(d, i, k)[1] += 0.05 * pm_rng_normal(&rng);
+        }
+    }
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "heater,room", .hidden = -1});
+    bool reached[2] = {false};
+    for (int a = 0; a < v.naction; ++a) {
+        const pm_logger_action *action = &v.action[a];
+        if (action->effect == PM_LOGGER_BATH && action->input == 3) {
+            reached[action->target] = true;
+        }
+    }
+    assert_true(reached[0] && reached[1]);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
@@ -631,6 +706,8 @@ int main(void) {
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
         cmocka_unit_test(a_heater_shows_the_inertia_of_what_is_braked),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
+        cmocka_unit_test(rare_samples_count_and_noise_does_not),
+        cmocka_unit_test(a_bath_reaches_all_temperatures_of_a_part),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

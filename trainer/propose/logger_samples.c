@@ -15,6 +15,7 @@
 #define WHITE 0.6          // noise by differences over noise by those of two orders less, at least
 #define CLEAN 1e-4         // of the deviation: less noise than that does not count
 #define ROUGH 0.01         // of the deviation: an input with larger fourth differences is held
+#define NEAR 4             // samples about a row without one, of which a cubic polynomial fills it
 #define EVEN 2e-3          // of a step: times that are off by less are even
 #define FEWEST_JUMPS 8     // of an input, from which it shows what it drives
 #define STAIRCASE 0.3      // of all steps: a column that stays as it is so often is held
@@ -33,19 +34,22 @@ static double median_of(double *x, int n) {
 // result is NaN or, with `kinks`, comes from all differences.
 static double differences(const pm_logger_samples *w, int c, int n, bool kinks) {
     const pm_dataset *d = w->view->dataset;
+    const int spacing = w->view->column[c].spacing;
     int count = 0;
     double square = 1; // of the coefficients: that of white noise grows by it
     for (int j = 1; j <= n; ++j) {
         square *= (double)(n + j) / j;
     }
     for (int i = 0; i < d->ntrajectory; ++i) {
-        for (int k = 0; k + n < d->ntime; ++k) {
+        for (int k = 0; k + n * spacing < d->ntime; ++k) {
             double sum = 0, coefficient = 1;
             bool kink = false;
             for (int j = 0; j <= n; ++j) {
-                sum += coefficient * pm_logger_row(w, i, k + j)[c];
+                sum += coefficient * pm_logger_row(w, i, k + j * spacing)[c];
                 coefficient *= -(double)(n - j) / (j + 1);
-                for (int u = 0; u < w->view->ncolumn && j > 0 && j < n && !kinks; ++u) {
+            }
+            for (int j = 1; j < n * spacing && isfinite(sum) && !kinks; ++j) {
+                for (int u = 0; u < w->view->ncolumn; ++u) {
                     const pm_logger_column *input = &w->view->column[u];
                     kink = kink ||
                            (u != c && input->kind == PM_LOGGER_INPUT && input->held &&
@@ -62,6 +66,32 @@ static double differences(const pm_logger_samples *w, int c, int n, bool kinks) 
                : NAN;
 }
 
+// Fills the rows between the second and the third of some samples, where -1 stands for none, unless
+// more of them are missing there than usual.
+static void fill_between(pm_logger_samples *w, int trajectory, int c, const int sample[NEAR]) {
+    const pm_logger_column *column = &w->view->column[c];
+    const int first = sample[NEAR / 2 - 1], last = sample[NEAR / 2];
+    if (first < 0 || last < 0 || last - first > 2 * column->spacing) {
+        return;
+    }
+    for (int k = first + 1; k < last; ++k) {
+        double value = 0;
+        for (int a = 0; a < NEAR; ++a) {
+            double term = sample[a] < 0 ? 0 : pm_logger_row(w, trajectory, sample[a])[c];
+            for (int b = 0; b < NEAR && sample[a] >= 0; ++b) {
+                if (b != a && sample[b] >= 0) {
+                    const double t = pm_logger_time(w, trajectory, sample[b]);
+                    term *= (pm_logger_time(w, trajectory, k) - t) /
+                            (pm_logger_time(w, trajectory, sample[a]) - t);
+                }
+            }
+            value += term;
+        }
+        pm_logger_row(w, trajectory, k)[c] =
+            column->held ? pm_logger_row(w, trajectory, first)[c] : value;
+    }
+}
+
 // Finds range, mean and deviation of a column, how often it stays as it is, and how far it jumps.
 bool pm_logger_measure(const pm_logger_samples *w, int c) {
     const pm_dataset *d = w->view->dataset;
@@ -70,6 +100,17 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
     int count = 0, steps = 0, equal = 0;
     column->least = INFINITY;
     column->largest = -INFINITY;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0, before = -1; k < d->ntime; ++k) {
+            if (isfinite(pm_logger_row(w, i, k)[c])) {
+                w->sort[count] = k - before;
+                count += before >= 0;
+                before = k;
+            }
+        }
+    }
+    column->spacing = count > 0 ? (int)median_of(w->sort, count) : 1;
+    count = 0;
     for (int i = 0; i < d->ntrajectory; ++i) {
         for (int k = 0; k < d->ntime; ++k) {
             const double y = pm_logger_row(w, i, k)[c];
@@ -81,7 +122,8 @@ bool pm_logger_measure(const pm_logger_samples *w, int c) {
             sum += y;
             square += y * y;
             ++count;
-            const double step = k > 0 ? fabs(y - pm_logger_row(w, i, k - 1)[c]) : NAN;
+            const int before = k - column->spacing;
+            const double step = before >= 0 ? fabs(y - pm_logger_row(w, i, before)[c]) : NAN;
             equal += step == 0;
             if (step > 0) {
                 w->sort[steps++] = step;
@@ -296,5 +338,26 @@ void pm_logger_find_noise(pm_logger_samples *w) {
         column->noise = high > WHITE * low && high > CLEAN * column->deviation ? high : 0;
         column->roughness = column->noise / fmax(column->deviation, DBL_MIN);
         view->noisy = view->noisy || column->noise > 0;
+    }
+}
+
+void pm_logger_fill(pm_logger_samples *w) {
+    const pm_dataset *d = w->view->dataset;
+    for (int c = 0; c < w->view->ncolumn; ++c) {
+        const pm_logger_column *column = &w->view->column[c];
+        for (int i = 0; i < d->ntrajectory && column->spacing > 1; ++i) {
+            int sample[NEAR] = {-1, -1, -1, -1}; // the last rows that have one
+            // Beyond the end as many rows follow as samples wait for the one after them.
+            for (int k = 0, ends = 0; ends < NEAR / 2; ++k) {
+                const bool there = k < d->ntime && isfinite(pm_logger_row(w, i, k)[c]);
+                if (k < d->ntime && !there) {
+                    continue;
+                }
+                ends += k >= d->ntime;
+                memmove(sample, sample + 1, (NEAR - 1) * sizeof *sample);
+                sample[NEAR - 1] = there ? k : -1;
+                fill_between(w, i, c, sample);
+            }
+        }
     }
 }

@@ -123,8 +123,9 @@ typedef struct pm_logger_column {
     double resistance, voltage, slope; // at the mean charge, and its derivative
     double relaxes;                    // s: of a voltage in series with a cell; 0: none
     double roughness;                  // of a measured column: noise over deviation
-    double decay;                      // 1/s: minus the coefficient of the variable in its own rate
-    bool feeds;                        // a level from which fluid falls into another part
+    int spacing;  // of a measured column: from sample to sample, in rows of the dataset; the median
+    double decay; // 1/s: minus the coefficient of the variable in its own rate
+    bool feeds;   // a level from which fluid falls into another part
     bool rubs;   // a co-energy that loses energy to one of another part; its part takes up the heat
     bool spills; // a level whose vessel has a brim
     // Regressions show whether a co-energy loses energy (damped), whether its resistance depends on
