@@ -686,6 +686,32 @@ static void a_bath_reaches_all_temperatures_of_a_part(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a pipe that fills a tank ---
+
+static void pipe_rate(const double *z, double *rate) {
+    rate[0] = (5e4 - 9810 * z[1] - 3e9 * z[0] * fabs(z[0])) / 2e7;
+    rate[1] = (z[0] - 2e-3 * sqrt(fabs(z[1]))) / 0.2;
+}
+
+static void some_flow(int i, double *z) {
+    z[0] = 3e-3 + 2e-3 * cos(1.7 * i);
+    z[1] = 2 + cos(2.1 * i);
+}
+
+static void a_pipe_fills_a_tank(void **state) {
+    (void)state;
+    static const char *const column[] = {"Q", "h"};
+    pm_dataset *d = record(&(logged){2, 0, column, "m^3/s;m", 0.2, pipe_rate, some_flow});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_int_equal(v.column[0].kind, PM_LOGGER_FLOW);
+    assert_int_equal(v.column[1].kind, PM_LOGGER_LEVEL);
+    assert_true(pm_logger_is_coupled(&v, 0, 1, false));
+    assert_true(fabs(v.coupling[1][0] * 0.2 - 1) < 0.02);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
@@ -706,6 +732,7 @@ int main(void) {
         cmocka_unit_test(a_spin_rubs_against_an_orbit),
         cmocka_unit_test(a_heater_shows_the_inertia_of_what_is_braked),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
+        cmocka_unit_test(a_pipe_fills_a_tank),
         cmocka_unit_test(rare_samples_count_and_noise_does_not),
         cmocka_unit_test(a_bath_reaches_all_temperatures_of_a_part),
     };

@@ -1152,8 +1152,10 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
     if (same_kind && pm_logger_is_geared(view, i, j)) {
         return true;
     }
-    return a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && same == same_kind &&
-           (same || a->mate < 0 || b->mate < 0) &&
+    const bool flows[] = {a->kind == PM_LOGGER_FLOW, b->kind == PM_LOGGER_FLOW};
+    const bool both = (flows[0] || a->kind == PM_LOGGER_LEVEL) && // a pipe fills a tank
+                      (flows[1] || b->kind == PM_LOGGER_LEVEL) && (flows[0] || flows[1]);
+    return both && same == same_kind && (same || a->mate < 0 || b->mate < 0) &&
            (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j]);
 }
 
