@@ -311,7 +311,30 @@ void pm_logger_regress_all(pm_logger_samples *w) {
     }
 }
 
+// Fills the rows between the samples of columns that are sampled more rarely than the others.
+static void fill(pm_logger_samples *w) {
+    const pm_dataset *d = w->view->dataset;
+    for (int c = 0; c < w->view->ncolumn; ++c) {
+        const pm_logger_column *column = &w->view->column[c];
+        for (int i = 0; i < d->ntrajectory && column->spacing > 1; ++i) {
+            int sample[NEAR] = {-1, -1, -1, -1}; // the last rows that have one
+            // Beyond the end as many rows follow as samples wait for the one after them.
+            for (int k = 0, ends = 0; ends < NEAR / 2; ++k) {
+                const bool there = k < d->ntime && isfinite(pm_logger_row(w, i, k)[c]);
+                if (k < d->ntime && !there) {
+                    continue;
+                }
+                ends += k >= d->ntime;
+                memmove(sample, sample + 1, (NEAR - 1) * sizeof *sample);
+                sample[NEAR - 1] = there ? k : -1;
+                fill_between(w, i, c, sample);
+            }
+        }
+    }
+}
+
 // Finds out whether times are even and whether all samples are there, and the noise of variables.
+// Then it fills what is between rare samples.
 void pm_logger_find_noise(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
@@ -339,25 +362,5 @@ void pm_logger_find_noise(pm_logger_samples *w) {
         column->roughness = column->noise / fmax(column->deviation, DBL_MIN);
         view->noisy = view->noisy || column->noise > 0;
     }
-}
-
-void pm_logger_fill(pm_logger_samples *w) {
-    const pm_dataset *d = w->view->dataset;
-    for (int c = 0; c < w->view->ncolumn; ++c) {
-        const pm_logger_column *column = &w->view->column[c];
-        for (int i = 0; i < d->ntrajectory && column->spacing > 1; ++i) {
-            int sample[NEAR] = {-1, -1, -1, -1}; // the last rows that have one
-            // Beyond the end as many rows follow as samples wait for the one after them.
-            for (int k = 0, ends = 0; ends < NEAR / 2; ++k) {
-                const bool there = k < d->ntime && isfinite(pm_logger_row(w, i, k)[c]);
-                if (k < d->ntime && !there) {
-                    continue;
-                }
-                ends += k >= d->ntime;
-                memmove(sample, sample + 1, (NEAR - 1) * sizeof *sample);
-                sample[NEAR - 1] = there ? k : -1;
-                fill_between(w, i, c, sample);
-            }
-        }
-    }
+    fill(w);
 }

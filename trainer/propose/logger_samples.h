@@ -61,10 +61,10 @@ static inline const double *pm_logger_near(const pm_logger_samples *w, int traje
 bool pm_logger_measure(const pm_logger_samples *w, int c);
 
 // Finds out whether times are even and whether all samples are there, and the noise of variables.
+// Then it fills, for regressions, the rows between the samples of columns that are sampled more
+// rarely than the others: by cubic polynomials through two samples on each side; a held input stays
+// as it is.
 void pm_logger_find_noise(pm_logger_samples *w);
-// Fills the rows between the samples of columns that are sampled more rarely than the others, for
-// regressions, by cubic polynomials through two samples on each side; a held input stays as it is.
-void pm_logger_fill(pm_logger_samples *w);
 
 // Returns the number of samples in a window for regressions of a variable, such that the variable
 // changes by more than its noise over a window.

@@ -1467,7 +1467,6 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
         PM_TRY_DONE(take_columns(&w, hints, base));
         pm_logger_find_noise(&w);
     }
-    pm_logger_fill(&w);
     PM_TRY_DONE(read_parts(view, hints));
     PM_TRY_DONE(find_kinds(&w, hints));
     for (int c = 0; c < view->nvariable; ++c) {
