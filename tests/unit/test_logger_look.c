@@ -611,31 +611,35 @@ static void noise_shows_beside_inputs_that_jump(void **state) {
     }
 }
 
-// --- a weight whose speed is sampled rarely, beside a column of noise ---
+// --- a weight whose speed is sampled rarely, beside columns that are no variables ---
 
 static void still_rate(const double *z, double *rate) {
     weight_rate(z, rate);
-    rate[2] = 0;
+    rate[2] = rate[3] = 0;
 }
 
-static void rare_samples_count_and_noise_does_not(void **state) {
+static void rare_samples_count_and_noise_and_rates_do_not(void **state) {
     (void)state;
     enum { RARELY = 4 };
-    static const char *const column[] = {"q", "w", "battery"};
-    pm_dataset *d = record(&(logged){3, 0, column, "rad;rad/s;V", 0.01, still_rate, NULL});
+    static const char *const column[] = {"q", "w", "battery", "a"};
+    pm_dataset *d = record(&(logged){4, 0, column, "rad;rad/s;V;rad/s^2", 0.01, still_rate, NULL});
     pm_rng rng;
     pm_rng_init(&rng, 1, 0);
     for (int i = 0; i < TRAJECTORIES; ++i) {
         for (int k = 0; k < SAMPLES; ++k) {
-            pm_dataset_state(d, i, k)[1] += k % RARELY == 0 ? 0 : NAN;
-            pm_dataset_state(d, i, k)[2] = 3.7 + 0.01 * pm_rng_normal(&rng);
+            double *z = pm_dataset_state(d, i, k), rate[4];
+            still_rate(z, rate);
+            z[3] = rate[1];
+            z[1] += k % RARELY == 0 ? 0 : NAN;
+            z[2] = 3.7 + 0.01 * pm_rng_normal(&rng);
         }
     }
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.hidden = -1});
     assert_int_equal(v.nvariable, 2);
-    assert_int_equal(v.nleft, 1);
+    assert_int_equal(v.nleft, 2);
     assert_string_equal(v.left[0], "battery");
+    assert_string_equal(v.left[1], "a");
     assert_int_equal(v.column[1].spacing, RARELY);
     assert_int_equal(v.column[0].mate, 1);
     assert_true(fabs(v.column[0].ratio - 1) < 0.02);
@@ -733,7 +737,7 @@ int main(void) {
         cmocka_unit_test(a_heater_shows_the_inertia_of_what_is_braked),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
         cmocka_unit_test(a_pipe_fills_a_tank),
-        cmocka_unit_test(rare_samples_count_and_noise_does_not),
+        cmocka_unit_test(rare_samples_count_and_noise_and_rates_do_not),
         cmocka_unit_test(a_bath_reaches_all_temperatures_of_a_part),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

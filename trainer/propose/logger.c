@@ -149,7 +149,7 @@ static void describe(const pm_logger_view *v, const char *found) {
         printf("%s\n", column->held ? "; held between samples" : "");
     }
     for (int k = 0; k < v->nleft; ++k) {
-        printf("%s is left out, since it shows nothing but noise\n", v->left[k]);
+        printf("%s is left out, since it shows %s\n", v->left[k], v->why_left[k]);
     }
     for (const char *line = found; line != NULL && *line != '\0'; line = strchr(line, '\n') + 1) {
         const char *gain = strstr(line, ".gain_"), *end = strchr(line, '\n');

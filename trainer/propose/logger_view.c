@@ -500,10 +500,15 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
             column->guess = PM_LOGGER_COMPLETE;
             continue;
         }
-        // The input with which the column jumps.
+        // The input with which the column jumps, as a voltage does with a current.
         double most = JUMPS, jump = 0;
         int current = -1;
         for (int u = view->nvariable; u < view->ncolumn; ++u) {
+            const pm_unit product = pm_unit_product(&column->dimension, &view->column[u].dimension);
+            const pm_unit watt = pm_unit_parse("W");
+            if (product.known && !pm_unit_equal(&product, &watt)) {
+                continue;
+            }
             double own, none;
             const double with = regress_jumps(w, c, u, true, &own);
             const double share = regress_jumps(w, c, u, false, &none) - with;
@@ -1112,6 +1117,14 @@ static pm_status read_parts(pm_logger_view *view, const pm_logger_hints *hints) 
                                          strncmp(view->column[c].source, text, length) != 0)) {
                 ++c;
             }
+            bool left = false;
+            for (int k = 0; k < view->nleft; ++k) {
+                left = left || (strlen(view->left[k]) == length &&
+                                strncmp(view->left[k], text, length) == 0);
+            }
+            if (left) {
+                continue;
+            }
             if (c == view->ncolumn) {
                 return pm_fail(PM_EUSAGE, "--part: the tables have no column \"%.*s\"", (int)length,
                                text);
@@ -1403,16 +1416,26 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
     return view->nvariable > 0 ? PM_OK : pm_fail(PM_EDATA, "all columns are inputs");
 }
 
-// Leaves out columns that show nothing but noise, from which no trial could learn, unless all do so
-// or the user names the columns of parts.
-static void leave_noise(pm_logger_view *view, const pm_logger_hints *hints, int *base) {
+// Returns what a column shows in place of a variable: nothing but noise, from which no trial could
+// learn, or a rate, which is a function of the variables; NULL: it may be a variable.
+static const char *shows_no_variable(const pm_logger_column *c) {
+    return c->roughness > NOTHING_ELSE                      ? "nothing but noise"
+           : has_unit(c, "W")                               ? "a power, and no variable"
+           : has_unit(c, "m/s^2") || has_unit(c, "rad/s^2") ? "an acceleration, and no variable"
+                                                            : NULL;
+}
+
+// Leaves out columns that are no variables, unless all are none.
+static void leave_columns(pm_logger_view *view, int *base) {
     int count = 0;
     for (int c = 0; c < view->nvariable; ++c) {
-        count += view->column[c].roughness > NOTHING_ELSE;
+        count += shows_no_variable(&view->column[c]) != NULL;
     }
-    for (int c = 0; c < view->nvariable && hints->npart == 0 && count < view->nvariable; ++c) {
-        if (view->column[c].roughness > NOTHING_ELSE) {
-            view->left[view->nleft++] = view->column[c].source;
+    for (int c = 0; c < view->nvariable && count < view->nvariable; ++c) {
+        const char *why = shows_no_variable(&view->column[c]);
+        if (why != NULL) {
+            view->left[view->nleft] = view->column[c].source;
+            view->why_left[view->nleft++] = why;
             base[view->column[c].id] = LEFT_OUT;
         }
     }
@@ -1462,7 +1485,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     }
     PM_TRY_DONE(take_columns(&w, hints, base));
     pm_logger_find_noise(&w);
-    leave_noise(view, hints, base);
+    leave_columns(view, base);
     if (view->nleft > 0) {
         PM_TRY_DONE(take_columns(&w, hints, base));
         pm_logger_find_noise(&w);
@@ -1593,6 +1616,9 @@ pm_status pm_logger_look(pm_logger_view *view, const pm_dataset *dataset,
     PM_TRY(look(view, dataset, hints, base));
     if (measure_distances(view, hints, base)) {
         pm_logger_view_free(view);
+        for (int c = 0; c < PM_LOGGER_COLUMNS; ++c) { // found again
+            base[c] = base[c] == LEFT_OUT ? -1 : base[c];
+        }
         PM_TRY(look(view, dataset, hints, base));
     }
     return PM_OK;
