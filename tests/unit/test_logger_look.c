@@ -615,29 +615,32 @@ static void noise_shows_beside_inputs_that_jump(void **state) {
 
 static void still_rate(const double *z, double *rate) {
     weight_rate(z, rate);
-    rate[2] = rate[3] = 0;
+    rate[2] = rate[3] = rate[4] = rate[5] = 0;
 }
 
 static void rare_samples_count_and_noise_and_rates_do_not(void **state) {
     (void)state;
     enum { RARELY = 4 };
-    static const char *const column[] = {"q", "w", "battery", "a"};
-    pm_dataset *d = record(&(logged){4, 0, column, "rad;rad/s;V;rad/s^2", 0.01, still_rate, NULL});
+    static const char *const column[] = {"q", "w", "battery", "a", "count", "flag"};
+    pm_dataset *d =
+        record(&(logged){6, 0, column, "rad;rad/s;V;rad/s^2;1;1", 0.01, still_rate, NULL});
     pm_rng rng;
     pm_rng_init(&rng, 1, 0);
     for (int i = 0; i < TRAJECTORIES; ++i) {
         for (int k = 0; k < SAMPLES; ++k) {
-            double *z = pm_dataset_state(d, i, k), rate[4];
+            double *z = pm_dataset_state(d, i, k), rate[6];
             still_rate(z, rate);
             z[3] = rate[1];
             z[1] += k % RARELY == 0 ? 0 : NAN;
             z[2] = 3.7 + 0.01 * pm_rng_normal(&rng);
+            z[4] = k;
+            z[5] = k / 7 % 2;
         }
     }
     pm_logger_view v;
-    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    look(&v, d, &(pm_logger_hints){.inputs = "", .hidden = -1});
     assert_int_equal(v.nvariable, 2);
-    assert_int_equal(v.nleft, 2);
+    assert_int_equal(v.nleft, 4);
     assert_string_equal(v.left[0], "battery");
     assert_string_equal(v.left[1], "a");
     assert_int_equal(v.column[1].spacing, RARELY);

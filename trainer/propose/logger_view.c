@@ -30,6 +30,7 @@
 #define FEWEST_AT_TOP 5     // steps in which a sensor that saturates stays at its largest value
 #define SELDOM_EQUAL 0.05
 #define NOTHING_ELSE 0.9 // of the deviation of a column: its noise, if it shows nothing else
+#define EQUAL 1e-4       // relative difference of steps that count as equal
 #define LEFT_OUT -2      // in place of a base
 #define ROOM 293.15      // K
 
@@ -1417,22 +1418,41 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
 }
 
 // Returns what a column shows in place of a variable: nothing but noise, from which no trial could
-// learn, or a rate, which is a function of the variables; NULL: it may be a variable.
-static const char *shows_no_variable(const pm_logger_column *c) {
-    return c->roughness > NOTHING_ELSE                      ? "nothing but noise"
-           : has_unit(c, "W")                               ? "a power, and no variable"
-           : has_unit(c, "m/s^2") || has_unit(c, "rad/s^2") ? "an acceleration, and no variable"
-                                                            : NULL;
+// learn, a rate, which is a function of the variables, or what a logger adds; NULL: it may be a
+// variable.
+static const char *shows_no_variable(const pm_logger_samples *w, int c) {
+    const pm_dataset *d = w->view->dataset;
+    const pm_logger_column *column = &w->view->column[c];
+    bool two = true, counts = true; // it has two values; all steps are equal
+    double step = NAN;
+    for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int k = 0; k < d->ntime; ++k) {
+            const double y = pm_logger_row(w, i, k)[c];
+            const double own = k > 0 ? y - pm_logger_row(w, i, k - 1)[c] : NAN;
+            two = two && (!isfinite(y) || y == column->least || y == column->largest);
+            step = isfinite(step) ? step : own;
+            counts = counts && !(fabs(own - step) > EQUAL * fabs(step));
+        }
+    }
+    return column->least == column->largest   ? "one value"
+           : two                              ? "two values; --inputs names it if it acts"
+           : counts                           ? "the number or the time of a sample"
+           : column->roughness > NOTHING_ELSE ? "nothing but noise"
+           : has_unit(column, "W")            ? "a power, and no variable"
+           : has_unit(column, "m/s^2") || has_unit(column, "rad/s^2")
+               ? "an acceleration, and no variable"
+               : NULL;
 }
 
 // Leaves out columns that are no variables, unless all are none.
-static void leave_columns(pm_logger_view *view, int *base) {
+static void leave_columns(const pm_logger_samples *w, int *base) {
+    pm_logger_view *view = w->view;
     int count = 0;
     for (int c = 0; c < view->nvariable; ++c) {
-        count += shows_no_variable(&view->column[c]) != NULL;
+        count += shows_no_variable(w, c) != NULL;
     }
     for (int c = 0; c < view->nvariable && count < view->nvariable; ++c) {
-        const char *why = shows_no_variable(&view->column[c]);
+        const char *why = shows_no_variable(w, c);
         if (why != NULL) {
             view->left[view->nleft] = view->column[c].source;
             view->why_left[view->nleft++] = why;
@@ -1485,7 +1505,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     }
     PM_TRY_DONE(take_columns(&w, hints, base));
     pm_logger_find_noise(&w);
-    leave_columns(view, base);
+    leave_columns(&w, base);
     if (view->nleft > 0) {
         PM_TRY_DONE(take_columns(&w, hints, base));
         pm_logger_find_noise(&w);
