@@ -693,6 +693,32 @@ static void a_bath_reaches_all_temperatures_of_a_part(void **state) {
     pm_dataset_free(d);
 }
 
+// --- a load behind a gear ---
+
+static void gear_rate(const double *z, double *rate) {
+    rate[0] = (6 * z[1] - z[2] - 0.3 * z[0]) / 2;
+    rate[1] = rate[2] = 0;
+}
+
+static void some_torques(int i, double *z) {
+    z[0] = 3 * cos(1.7 * i);
+    z[1] = cos(2.1 * i);
+    z[2] = 2 * cos(2.9 * i);
+}
+
+static void the_torque_before_a_gear_has_a_factor(void **state) {
+    (void)state;
+    static const char *const column[] = {"w", "motor", "load"};
+    pm_dataset *d = record(&(logged){3, 0, column, "rad/s;N*m;N*m", 0.05, gear_rate, some_torques});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.inputs = "motor,load", .hidden = -1});
+    assert_false(v.column[1].clear);
+    assert_true(v.column[2].clear);
+    assert_int_equal(v.column[2].other[0], PM_LOGGER_SCALED);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 // --- a pipe that fills a tank ---
 
 static void pipe_rate(const double *z, double *rate) {
@@ -740,6 +766,7 @@ int main(void) {
         cmocka_unit_test(a_heater_shows_the_inertia_of_what_is_braked),
         cmocka_unit_test(noise_shows_beside_inputs_that_jump),
         cmocka_unit_test(a_pipe_fills_a_tank),
+        cmocka_unit_test(the_torque_before_a_gear_has_a_factor),
         cmocka_unit_test(rare_samples_count_and_noise_and_rates_do_not),
         cmocka_unit_test(a_bath_reaches_all_temperatures_of_a_part),
     };

@@ -30,6 +30,7 @@
 #define LEVERS_AGREE 0.1 // relative difference of two levers that are the same
 #define PUSHES 0.1       // of the root mean square rate: a constant rate that is smaller is none
 #define LIKELY 2         // guesses about an input that are tried
+#define WEAKER 0.8       // of the coefficient of another input of the same unit
 #define CLEAR 0.4        // of what is unexplained: a guess about an input that is tried first
 
 // A factor of a term.
@@ -1035,20 +1036,35 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
         for (int k = 0; k < LIKELY && worth[k] > 0; ++k) {
             input->other[input->nother++] = guess[k];
         }
-        // A learned factor is offered only if several inputs drive. The factor of a single input
-        // would merely scale the inertia of what it drives.
-        bool drives = false, others = false;
-        for (int a = 0; a < v->naction; ++a) {
-            const bool own = v->action[a].input == u;
-            drives = drives || (own && v->action[a].effect == PM_LOGGER_DRIVES);
-            others = others || (!own && v->action[a].effect == PM_LOGGER_DRIVES);
-        }
-        if (drives && others) {
-            input->other[input->nother++] = PM_LOGGER_SCALED;
-        }
         int one, other;
         input->clear = worth[0] > CLEAR && pm_logger_split(guess[0], &one, &other) > 0 &&
                        v->column[column_of(v, other)].kind != PM_LOGGER_LEVEL;
+        // A learned factor is offered only if several inputs drive. The factor of a single input
+        // would merely scale the inertia of what it drives. Where another input clearly moves the
+        // same variable more, as a torque before a gear does, it is what is tried first.
+        bool drives = false, others = false, weaker = false;
+        for (int a = 0; a < v->naction; ++a) {
+            const int c = v->action[a].target;
+            const bool own = v->action[a].input == u && v->action[a].effect == PM_LOGGER_DRIVES;
+            drives = drives || own;
+            for (int b = 0; b < v->naction; ++b) {
+                const int beside = v->action[b].input;
+                const bool other_drives = beside != u && v->action[b].effect == PM_LOGGER_DRIVES;
+                others = others || other_drives;
+                weaker =
+                    weaker || (own && other_drives && v->action[b].target == c &&
+                               v->share[c][u] > v->column[c].unexplained &&
+                               WEAKER * fabs(v->coupling[c][beside]) > fabs(v->coupling[c][u]));
+            }
+        }
+        if (drives && others) {
+            const int at = weaker ? 0 : input->nother;
+            memmove(input->other + at + 1, input->other + at,
+                    (size_t)(input->nother - at) * sizeof *input->other);
+            input->other[at] = PM_LOGGER_SCALED;
+            ++input->nother;
+            input->clear = input->clear || weaker;
+        }
     }
 }
 
