@@ -53,8 +53,9 @@
 // RUNNING                     own failure, interrupt             FAILING
 // HELLO to                    proven REFUSE of this node         FINISHED  BYE, if it took part and
 // FAILING                                                                    keeps no checkpoint
-// RUNNING                     tick of its coordinator with a     RUNNING   report of the first
-//                               later run, nothing granted                 state
+// RUNNING                     proven tick of its coordinator     RUNNING   report of the first
+//                               with a later run, nothing                  state
+//                               granted
 //
 // A node that stays goes to HELLO where the table says FINISHED, but for a refusal and an
 // interrupt, and where it says FAILING because the coordinator is silent. In HELLO it waits as long
@@ -523,6 +524,11 @@ static pm_drop on_tick(void *context, const void *data, size_t size) {
     if (later && tick->granted == tick->first && tick->session > 0 && is_sane(node, tick) &&
         tick->digest == (int64_t)node->endpoint.system->digest &&
         tick->dt == node->scene->physics.dt && node->initial != NULL) {
+        if (!answers) { // anybody may say that another run begins
+            ask(node, tick->instance);
+            return PM_DROP_RANGE;
+        }
+        pm_identity_renew(&node->endpoint.identity);
         node->endpoint.session = tick->session;
         follow(node, tick);
         note_used(node, NULL);
