@@ -5,31 +5,20 @@
 train=$1
 portmetd=$2
 
-# The truth: mass and length are 1, the friction is 0.4, the heat capacity is 0.2 + 0.002 T/K J/K. Runge-Kutta's
-# method of order 4, with ten steps in a sample.
+# The truth: mass and length are 1, the friction is 0.4, the heat capacity is 0.2 + 0.002 T/K J/K.
 for run in 0 1 2 3 4 5; do
-    awk -v run=$run '
-        function rates(q, v, T) {
-            dq = v
-            dv = -9.81 * sin(q) - 0.4 * v
-            dT = 0.4 * v * v / (0.2 + 0.002 * T)
-        }
-        function add(weight) {
-            a += weight * dq; b += weight * dv; c += weight * dT
+    awk -v run=$run "$(cat "$(dirname "$0")/../support/runge_kutta.awk")"'
+        function rates(y, d) {
+            d[1] = y[2]
+            d[2] = -9.81 * sin(y[1]) - 0.4 * y[2]
+            d[3] = 0.4 * y[2] * y[2] / (0.2 + 0.002 * y[3])
         }
         BEGIN {
-            q = 0.4 * run - 1; v = 2 - 0.7 * run; T = 280 + 7 * run; h = 0.005
+            z[1] = 0.4 * run - 1; z[2] = 2 - 0.7 * run; z[3] = 280 + 7 * run
             print "t [s],q [rad],v [rad/s],T [K]"
             for (n = 0; n <= 100; ++n) {
-                printf "%.17g,%.17g,%.17g,%.17g\n", 0.05 * n, q, v, T
-                for (k = 0; k < 10; ++k) {
-                    a = b = c = 0
-                    rates(q, v, T); add(1)
-                    rates(q + h / 2 * dq, v + h / 2 * dv, T + h / 2 * dT); add(2)
-                    rates(q + h / 2 * dq, v + h / 2 * dv, T + h / 2 * dT); add(2)
-                    rates(q + h * dq, v + h * dv, T + h * dT); add(1)
-                    q += h / 6 * a; v += h / 6 * b; T += h / 6 * c
-                }
+                printf "%.17g,%.17g,%.17g,%.17g\n", 0.05 * n, z[1], z[2], z[3]
+                for (k = 0; k < 10; ++k) advance(3, 0.005)
             }
         }' >"$folder/run_$run.csv"
 done

@@ -6,36 +6,26 @@
 train=$1
 
 # A pendulum under a torque that is held, over the top now and then: g/l is 9.81, the friction 0.05, sensors have
-# noise. Runge-Kutta's method of order 4, with ten steps in a sample.
+# noise.
 for run in 0 1 2 3 4 5 6 7 8 9 10 11; do
-    awk -v run=$run '
-        function rates(q, v) {
-            dq = v
-            dv = -9.81 * sin(q) - 0.05 * v + F
-        }
-        function add(weight) {
-            a += weight * dq; b += weight * dv
+    awk -v run=$run "$(cat "$(dirname "$0")/../support/runge_kutta.awk")"'
+        function rates(y, d) {
+            d[1] = y[2]
+            d[2] = -9.81 * sin(y[1]) - 0.05 * y[2] + F
         }
         function draw() {
             seed = seed * 16807 % 2147483647
             return seed / 2147483647 - 0.5
         }
         BEGIN {
-            seed = 100 + 7919 * run; h = 0.005
+            seed = 100 + 7919 * run
             for (i = 0; i < 10; ++i) draw()
-            q = 4 * draw(); v = 10 * draw()
+            z[1] = 4 * draw(); z[2] = 10 * draw()
             print "t [s],q [rad],v [rad/s],F [N*m]"
             for (n = 0; n <= 500; ++n) {
                 F = n % 10 == 0 ? 20 * draw() : F
-                printf "%.17g,%.17g,%.17g,%.17g\n", 0.05 * n, q + 0.03 * draw(), v + 0.06 * draw(), F
-                for (k = 0; k < 10; ++k) {
-                    a = b = 0
-                    rates(q, v); add(1)
-                    rates(q + h / 2 * dq, v + h / 2 * dv); add(2)
-                    rates(q + h / 2 * dq, v + h / 2 * dv); add(2)
-                    rates(q + h * dq, v + h * dv); add(1)
-                    q += h / 6 * a; v += h / 6 * b
-                }
+                printf "%.17g,%.17g,%.17g,%.17g\n", 0.05 * n, z[1] + 0.03 * draw(), z[2] + 0.06 * draw(), F
+                for (k = 0; k < 10; ++k) advance(2, 0.005)
             }
         }' >"$folder/run_$run.csv"
 done

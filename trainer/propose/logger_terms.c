@@ -1041,7 +1041,7 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
                        v->column[column_of(v, other)].kind != PM_LOGGER_LEVEL;
         // A learned factor is offered only if several inputs drive. The factor of a single input
         // would merely scale the inertia of what it drives. Where another input clearly moves the
-        // same variable more, as a torque before a gear does, it is what is tried first.
+        // same variable more, as a torque before a gear does, trials begin with such a factor.
         bool drives = false, others = false, weaker = false;
         for (int a = 0; a < v->naction; ++a) {
             const int c = v->action[a].target;

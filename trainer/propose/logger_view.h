@@ -206,7 +206,8 @@ typedef struct pm_logger_view {
     int nport;
     int port[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts that move each other
     int nidle;
-    // Columns that are left out, and why: they show nothing but noise, or a rate.
+    // Columns that are left out, and why: they show nothing but noise, a rate, or what a logger
+    // adds, such as a counter.
     const char *left[PM_LOGGER_COLUMNS], *why_left[PM_LOGGER_COLUMNS];
     int nleft;
     int idle[PM_LOGGER_PARTS * PM_LOGGER_PARTS][2]; // parts of the hints that do not
