@@ -575,6 +575,8 @@ static void set_reaches(const pm_fit *f, pm_shooting_terms *terms) {
             }
             if (f->measured.optional != NULL && without != NULL) {
                 mark_optional(f, params, first, at, positive, without);
+            } else if (f->measured.optional != NULL && positive) {
+                f->measured.optional[at * ((size_t)f->size + 1)] = PM_LOGARITHM_NEEDED;
             }
             const bool amplitude = end != NULL && strcmp(end, ".amplitude") == 0;
             for (int j = 0; entry->trained && j < entry->rows * entry->cols; ++j, ++at) {

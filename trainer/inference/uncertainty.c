@@ -34,6 +34,7 @@
 #define UNFIXED 0.25        // standard deviation along a direction that the data do not fix
 #define SINGLE 0.95         // part of the square of a direction that makes it one constant
 #define NAMED 0.15          // of the largest change, at least, of the constants that are named
+#define NEAR_ZERO -0.5      // change of a logarithm, along its tangent
 #define COLLINEAR 20        // collinearity index of constants that are hard to tell apart
 
 // --- autocorrelation ---
@@ -266,6 +267,18 @@ static double leave(size_t n, double *inverse, double *away, size_t k) {
     return moves * moves / (2 * variance);
 }
 
+// Leaves out the members of a group, of which `own` tells the kinds of the others, at the place
+// where k, the first of them, is zero.
+static void leave_group(size_t n, double *inverse, double *away, const unsigned char *own,
+                        const bool *gone, size_t k, double to_zero) {
+    for (size_t i = 0; i < n; ++i) {
+        if (!gone[i] && own[i] != PM_WEIGHT_NEEDED) {
+            away[i] += i == k ? to_zero : 0;
+            (void)leave(n, inverse, away, i);
+        }
+    }
+}
+
 pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, int *spare) {
     pm_arena scratch = {0};
     pm_status status = PM_OK;
@@ -273,6 +286,11 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
     double *step = pm_arena_array(&scratch, n + nz, sizeof *step);
     double *inverse = pm_arena_array(&scratch, n * n + 1, sizeof *inverse);
     double *weight = pm_arena_array(&scratch, n + 1, sizeof *weight);
+    double *first = pm_arena_array(&scratch, n + 1, sizeof *first);
+    double *next = pm_arena_array(&scratch, n * n + 1, sizeof *next); // without one more group
+    double *moved = pm_arena_array(&scratch, n + 1, sizeof *moved);   // likewise
+    bool *needed = pm_arena_array(&scratch, n + 1, sizeof *needed);   // numbers, by all others
+    bool *kept = pm_arena_array(&scratch, n + 1, sizeof *kept);
     double *block = pm_arena_array(&scratch, n * n + 1, sizeof *block); // of a group
     double *away = pm_arena_array(&scratch, n + 1, sizeof *away);       // likewise
     size_t *member = pm_arena_array(&scratch, n + 1, sizeof *member);   // likewise
@@ -302,6 +320,13 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
         count += (double)s->tracks->track[i].count * s->ny;
     }
     const double each = log(count) / 2;
+    memcpy(first, step, n * sizeof *first);
+    for (size_t i = 0; i < n; ++i) {
+        needed[i] = optional[i * (n + 1)] == PM_LOGARITHM_NEEDED;
+        for (size_t k = 0; k < n; ++k) {
+            needed[i] = needed[i] && (k == i || optional[k * n + i] == PM_WEIGHT_NEEDED);
+        }
+    }
     for (int number = 0;;) {
         size_t least = n;
         double gain = 0;
@@ -309,7 +334,8 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
             const unsigned char *own = &optional[k * n];
             size_t m = 0;
             // A weight without variance follows from others that are zero already.
-            if (own[k] == PM_WEIGHT_NEEDED || gone[k] || !(inverse[k * (n + 1)] > 0)) {
+            if (own[k] == PM_WEIGHT_NEEDED || own[k] == PM_LOGARITHM_NEEDED || gone[k] || kept[k] ||
+                !(inverse[k * (n + 1)] > 0)) {
                 continue;
             }
             for (size_t i = 0; i < n; ++i) {
@@ -341,15 +367,22 @@ pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, in
         if (least == n) {
             break;
         }
+        const unsigned char *own = &optional[least * n];
+        memcpy(next, inverse, n * n * sizeof *next);
+        memcpy(moved, step, n * sizeof *moved);
+        leave_group(n, next, moved, own, gone, least,
+                    own[least] == PM_LOGARITHM_OPTIONAL ? 1 : weight[least]);
         for (size_t i = 0; i < n; ++i) {
-            if (!gone[i] && optional[least * n + i] != PM_WEIGHT_NEEDED) {
-                step[i] += i != least                                       ? 0
-                           : optional[i * (n + 1)] == PM_LOGARITHM_OPTIONAL ? 1
-                                                                            : weight[i];
-                (void)leave(n, inverse, step, i);
-                gone[i] = true;
-                ++number;
-            }
+            kept[least] |= needed[i] && moved[i] - first[i] < NEAR_ZERO;
+        }
+        if (kept[least]) {
+            continue;
+        }
+        memcpy(inverse, next, n * n * sizeof *next);
+        memcpy(step, moved, n * sizeof *moved);
+        for (size_t i = 0; i < n; ++i) {
+            number += !gone[i] && own[i] != PM_WEIGHT_NEEDED;
+            gone[i] = gone[i] || own[i] != PM_WEIGHT_NEEDED;
         }
         spare[least] = number;
     }

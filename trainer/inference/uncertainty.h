@@ -43,11 +43,12 @@ double pm_uncertainty_independent(const pm_shooting *s, int column, double *size
 pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s);
 void pm_uncertainty_free(pm_uncertainty *u); // zeroed storage is allowed
 
-// A weight is needed, or it may be zero, or it is the logarithm of a number that may be zero.
+// A weight, or the number whose logarithm it is, is needed, or it may be zero.
 typedef enum pm_optional_weight {
     PM_WEIGHT_NEEDED,
     PM_WEIGHT_OPTIONAL,
-    PM_LOGARITHM_OPTIONAL
+    PM_LOGARITHM_OPTIONAL,
+    PM_LOGARITHM_NEEDED
 } pm_optional_weight;
 
 // Finds the optional weights that may as well be zero. optional [nweight][nweight] has the
@@ -56,9 +57,11 @@ typedef enum pm_optional_weight {
 // other: each time the one by which the objective gains most, when it rises less, as all others
 // follow, than the information that the measurements have about so many numbers (Schwarz, Ann.
 // Stat. 6, 1978). The rise is that above the minimum of the quadratic model at the present weights
-// and starts (Hassibi, Stork, NIPS 1992). spare [nweight] becomes the count of all weights that are
-// left out with it and before it, and 0 where none is. Nothing is spare where the measurements and
-// the priors do not fix all weights, or where windows are not whole trajectories. PM_ENOMEM.
+// and starts (Hassibi, Stork, NIPS 1992). No weight is left out that would take a needed number
+// near zero, too, as all terms of a motion whose scale is free do. spare [nweight] becomes the
+// count of all weights that are left out with it and before it, and 0 where none is. Nothing is
+// spare where the measurements and the priors do not fix all weights, or where windows are not
+// whole trajectories. PM_ENOMEM.
 pm_status pm_uncertainty_spare(pm_shooting *s, const unsigned char *optional, int *spare);
 
 // Writes "measured.h5" into the folder. PM_EFILE.

@@ -401,9 +401,9 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
     for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
-        const bool same = alike != NULL && j < s->first.nvariable &&
-                          pm_unit_equal(&other->dimension, alike) && other->id >= 0 &&
-                          other->nother > 0;
+        const bool same = alike != NULL && pm_unit_equal(&other->dimension, alike) &&
+                          other->id >= 0 && other->nother > 0 &&
+                          (j < s->first.nvariable) == (guess != PM_LOGGER_FREELY);
         if (same || other->id == id) {
             own[other->id] = guess;
         }
@@ -505,7 +505,8 @@ static pm_status find_inputs(hidden_search *s, int most) {
             for (int i = 0; i < input->nother && input->guess == PM_LOGGER_AS_FOUND; ++i) {
                 // Balances of power are judged when the laws are known.
                 if (most > 1 || input->other[i] != PM_LOGGER_SCALED) {
-                    add_guess(s, input->id, input->other[i], NULL);
+                    add_guess(s, input->id, input->other[i],
+                              input->other[i] == PM_LOGGER_FREELY ? &input->dimension : NULL);
                 }
             }
             if (input->guess != PM_LOGGER_AS_FOUND) {
@@ -746,6 +747,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
                                                         "its entropy depends on positions",
                                                         "inertias do not depend on it",
                                                         "acts with a learned factor",
+                                                        "moves all velocities of its part",
                                                         "a cell with a resistance",
                                                         "a cell with one relaxing pair",
                                                         "a cell with two relaxing pairs"};

@@ -972,7 +972,7 @@ static void take_guesses(const pm_logger_samples *w, equations *work) {
                 }
             }
             v->naction = kept;
-        } else if (guess != PM_LOGGER_AS_FOUND && v->nconverter < PM_LOGGER_ACTIONS) {
+        } else if (guess >= PM_LOGGER_OPENS && v->nconverter < PM_LOGGER_ACTIONS) {
             v->converter[v->nconverter++] = (pm_logger_converter){
                 u, one, other,
                 pm_unit_equal(&v->column[one].dimension, &v->column[other].dimension),
@@ -996,6 +996,39 @@ static void insert(double worth[LIKELY + 1], pm_logger_guess guess[LIKELY + 1]) 
         worth[k] = worth[k - 1], guess[k] = guess[k - 1];
         worth[k - 1] = more, guess[k - 1] = better;
     }
+}
+
+// Returns how much of the changes of velocity c input u explains by a factor that depends on
+// positions, beside all columns.
+static double turning_of(const pm_logger_samples *w, int u, int c, equations *work) {
+    term_list list = {0};
+    add_known(w->view, &list, c);
+    const int known = list.count;
+    add_positions(w->view, &list, w->view->column[c].part, u, VALUE, true);
+    return gain_of(w, c, &list, known, work, NULL);
+}
+
+// Returns true if an input also moves velocities of the part which it drives that it does not act
+// on, or if the factor with which it moves one depends on positions.
+static bool moves_others(const pm_logger_samples *w, int u, equations *work) {
+    const pm_logger_view *v = w->view;
+    bool moves = false;
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        const int part = v->column[action->target].part;
+        for (int c = 0; c < v->nvariable && action->input == u; ++c) {
+            bool acts = false;
+            for (int b = 0; b < v->naction; ++b) {
+                acts = acts || (v->action[b].input == u && v->action[b].target == c &&
+                                v->action[b].effect == PM_LOGGER_GAIN);
+            }
+            moves = moves ||
+                    (!acts && v->column[c].part == part && v->column[c].kind == PM_LOGGER_FLOW &&
+                     ((c != action->target && v->share[c][u] > GAINS) ||
+                      turning_of(w, u, c, work) > GAINS));
+        }
+    }
+    return moves;
 }
 
 // Offers to trials what each input may set, the likeliest first. Regressions only rank these
@@ -1064,6 +1097,9 @@ static void offer_openings(const pm_logger_samples *w, equations *work) {
             input->other[at] = PM_LOGGER_SCALED;
             ++input->nother;
             input->clear = input->clear || weaker;
+        }
+        if (drives && moves_others(w, u, work)) {
+            input->other[input->nother++] = PM_LOGGER_FREELY;
         }
     }
 }
@@ -1276,18 +1312,22 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];
-        term_list lever = {0}, valve = {0};
+        term_list valve = {0};
         if (action->effect == PM_LOGGER_WARMS) {
             find_cooling(w, action, work);
         }
-        if (action->effect != PM_LOGGER_GAIN) {
+        const bool freely = action->effect == PM_LOGGER_DRIVES &&
+                            v->column[action->input].guess == PM_LOGGER_FREELY;
+        if (action->effect != PM_LOGGER_GAIN && !freely) {
             continue;
         }
-        add_known(v, &lever, action->target);
+        action->lever = turning_of(w, action->input, action->target, work) > GAINS;
+        if (freely) {
+            action->effect = action->lever ? PM_LOGGER_GAIN : PM_LOGGER_DRIVES;
+            continue;
+        }
         add_known(v, &valve, action->target);
-        const int known = lever.count;
-        add_positions(v, &lever, y->part, action->input, VALUE, true);
-        action->lever = gain_of(w, action->target, &lever, known, work, NULL) > GAINS;
+        const int known = valve.count;
         add_valve(&valve, action);
         action->valve =
             y->mate < 0 && gain_of(w, action->target, &valve, known, work, NULL) > GAINS;

@@ -683,6 +683,20 @@ static void find_actions(pm_logger_view *view) {
             }
         }
     }
+    for (int u = view->nvariable; u < view->ncolumn; ++u) {
+        const int driven = driven_by(view, u);
+        for (int c = 0; c < view->nvariable && view->column[u].guess == PM_LOGGER_FREELY; ++c) {
+            bool acts = driven < 0 || view->column[c].kind != PM_LOGGER_FLOW ||
+                        view->column[c].part != view->column[driven].part;
+            for (int a = 0; a < view->naction; ++a) {
+                acts = acts || (view->action[a].input == u && view->action[a].target == c);
+            }
+            if (!acts && view->naction < PM_LOGGER_ACTIONS) {
+                view->action[view->naction++] =
+                    (pm_logger_action){.input = u, .target = c, .effect = PM_LOGGER_GAIN};
+            }
+        }
+    }
     // A bath of one temperature of a part is near the others, too: what passes to those that change
     // for many reasons is too little for a regression. The first estimate of a hidden temperature
     // comes from the rate of another one, so that regressions cannot tell which of both it reaches.
@@ -1536,13 +1550,13 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
         }
     }
     PM_TRY_DONE(find_ports(view, hints));
+    for (int u = view->nvariable; u < view->ncolumn && hints->guess != NULL; ++u) {
+        view->column[u].guess = hints->guess[view->column[u].id];
+    }
     find_actions(view);
     find_scales(&w);
     find_heat_of_friction(&w);
     find_exchange(view);
-    for (int u = view->nvariable; u < view->ncolumn && hints->guess != NULL; ++u) {
-        view->column[u].guess = hints->guess[view->column[u].id];
-    }
     PM_TRY_DONE(pm_logger_find_terms(&w));
     PM_TRY_DONE(pm_logger_find_reactions(&w));
     offer_laws(view);

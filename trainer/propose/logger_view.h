@@ -51,6 +51,9 @@ typedef enum pm_logger_guess {
     PM_LOGGER_EXPANDED, // a temperature, whose entropy depends on the positions of its part
     PM_LOGGER_CYCLIC,   // a length, on which inertias and levers do not depend
     PM_LOGGER_SCALED,   // an input, whose product with what it drives is no power: it has a factor
+    // An input that also moves other velocities of its part, such as a wheel's torque a vehicle:
+    // with learned factors, which may depend on positions.
+    PM_LOGGER_FREELY,
     // The voltage of a hidden charge behind a resistance, as of a cell, with 0 to 2 pairs of a
     // resistance and a capacity in series. The current is the input with which the column jumps.
     PM_LOGGER_CELL,
