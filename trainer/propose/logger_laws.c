@@ -246,6 +246,7 @@ static bool shares_inertia(const pm_logger_writer *w, int c) {
     for (int a = 0; a < v->naction; ++a) { // a force that acts on one of them moves another one
         const pm_logger_column *target = &v->column[v->action[a].target];
         shown = shown || (v->action[a].effect == PM_LOGGER_GAIN && target->mate >= 0 &&
+                          v->column[v->action[a].input].guess != PM_LOGGER_FREELY &&
                           target->part == y->part);
     }
     return (chosen == LEARNED_INERTIA || (chosen != CONSTANT_INERTIA && shown)) && y->mate >= 0 &&

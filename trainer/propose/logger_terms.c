@@ -623,6 +623,15 @@ static void add_positions(const pm_logger_view *v, term_list *list, int part, in
     }
 }
 
+// Adds what inputs change in velocity i by factors that depend on positions.
+static void add_levers(const pm_logger_view *v, term_list *list, int i) {
+    for (int a = 0; a < v->naction; ++a) {
+        if (v->action[a].target == i && v->action[a].lever) {
+            add_positions(v, list, v->column[i].part, v->action[a].input, VALUE, true);
+        }
+    }
+}
+
 // Adds squares of the velocities of a part, times functions of its positions: what moves velocities
 // where inertias depend on positions.
 static void add_squares(const pm_logger_view *v, term_list *list, int part) {
@@ -1365,6 +1374,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             term_list terms = {0};
             add_known(v, &terms, i);
             add_term(&terms, i, VALUE, i, SIZE);
+            add_levers(v, &terms, i);
             const int forces = terms.count;
             add_squares(v, &terms, part);
             gain += gain_of(w, i, &terms, forces, work, NULL);
@@ -1386,6 +1396,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             // forces therefore come first.
             const bool angle = v->column[y->mate].angle;
             add_forces(v, &turning, i);
+            add_levers(v, &turning, i);
             add_term(&turning, i, VALUE, i, SIZE);
             add_term(&turning, i, VALUE, i, SQUARE);
             const int forces = turning.count;
