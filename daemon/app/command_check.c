@@ -218,8 +218,9 @@ static void print_boundary_input(const pm_scene *scene, int input_id) {
         }
         const pm_scene_prescribed *first = boundary_input->value + group->first;
         for (int k = 0; k < 3; ++k, first += boundary_input->layout.nz) {
-            if (first->column != NULL && first->hold != PM_HOLD_SMOOTH) {
-                printf("  (%s)", pm_hold_names[first->hold]);
+            if (first->column != NULL && (first->hold != PM_HOLD_SMOOTH || first->delay != 0)) {
+                printf("  (%s", pm_hold_names[first->hold]);
+                printf(first->delay != 0 ? ", %+g s)" : ")", first->delay);
                 break;
             }
         }

@@ -62,6 +62,7 @@ static pm_status find_columns(pm_boundary_input *boundary_input, const pm_datase
             boundary_input->live_id[owner->first + k] = live_id;
             boundary_input->column[owner->first + k] = column;
             boundary_input->hold[owner->first + k] = value->hold;
+            boundary_input->delay[owner->first + k] = value->delay;
             *any = *any || column != PM_BOUNDARY_INPUT_CONSTANT;
         }
     }
@@ -125,6 +126,7 @@ pm_status pm_boundary_input_bind(pm_boundary_input *boundary_input, const pm_sce
                              .unit = 1};
     b->column = pm_arena_array(arena, n, sizeof *b->column);
     b->hold = pm_arena_array(arena, n, sizeof *b->hold);
+    b->delay = pm_arena_array(arena, n, sizeof *b->delay);
     b->value = pm_arena_array(arena, n, sizeof *b->value);
     b->live_id = pm_arena_array(arena, n, sizeof *b->live_id);
     b->samples = pm_arena_array(arena, n, sizeof *b->samples);
@@ -269,6 +271,8 @@ static void value_over(const pm_boundary_input *b, int i, double from, double en
     } else if (hold == PM_HOLD_PREVIOUS) {
         const double equal = EQUAL * b->scene->physics.dt / b->unit;
         power[0] = mean ? mean_over(s, before, from, end, equal) : s->value[before];
+    } else if (b->delay[i] != 0 && (from < s->at[0] || before == s->count - 1)) {
+        power[0] = s->value[before];
     } else {
         smooth_over(s, b->even && s->count == b->length, before, from, end, power);
     }
@@ -314,6 +318,8 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
     b->origin = pm_dataset_time(dataset, trajectory, 0);
     for (int i = 0; i < b->n; ++i) {
         pm_boundary_samples *s = &b->samples[i];
+        const double shift = b->delay[i] / b->unit, whole = round(shift);
+        const double later = b->even && fabs(shift - whole) <= TIME_TOLERANCE ? whole : shift;
         s->count = 0;
         for (int j = 0; j < b->length && b->column[i] != PM_BOUNDARY_INPUT_CONSTANT; ++j) {
             const double time = pm_dataset_time(dataset, trajectory, j) - b->origin;
@@ -321,7 +327,7 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
                                      ? time
                                      : pm_dataset_state(dataset, trajectory, j)[b->column[i]];
             if (!isnan(value)) {
-                s->at[s->count] = b->even ? j : time;
+                s->at[s->count] = (b->even ? j : time) + later;
                 s->value[s->count++] = value;
             }
         }
@@ -330,8 +336,7 @@ void pm_boundary_input_follow(pm_boundary_input *boundary_input, const pm_datase
     const double step = b->by_step ? b->scene->physics.dt / b->unit : 1;
     b->end = intervals * b->stride;
     for (long j = 0; j < intervals; ++j) {
-        write_over(b, (double)j * step, (double)(j + 1) * step, b->by_step,
-                   b->coefficient + j * width);
+        write_over(b, (double)j * step, (double)(j + 1) * step, true, b->coefficient + j * width);
     }
 }
 

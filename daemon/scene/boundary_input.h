@@ -8,9 +8,12 @@
 //             much at both ends, where all eight samples lie on one side.
 //   previous  the last sample at or before the time, as a controller or a logger's output holds it
 //   linear    the straight line from one sample to the next
+// With a `delay` its samples act so much later. What is before the first of them is the first one,
+// and what is behind the last of them the last one.
 // A column is a polynomial over each step, and steps begin at samples: an integrator never crosses
 // a jump, and keeps its order. Where the times of a dataset are uneven, or no multiples of the
-// scene's dt, a run takes for `previous` the mean over each step, so that the impulse of a force,
+// scene's dt, or a delay is no multiple of their distance, a run takes for `previous` the mean over
+// each step, so that the impulse of a force,
 // or the heat of a heater, is that of the jumps within the step.
 //
 // Life cycle: zero-initialise; bind to a scene and a dataset; follow a trajectory; then ask for
@@ -46,6 +49,7 @@ typedef struct pm_boundary_input {
     const pm_scene *scene; // borrowed
     int *column;           // [n] in the dataset, or one of the two above
     pm_hold *hold;         // [n] of the column
+    double *delay;         // [n] s, of the column
     int *live_id;          // [n] among the values of all live inputs; -1: not live
     const double *live; // [scene->nlive] borrowed, the values that hold in the present step; NULL:
                         // a live value follows its column if the dataset has one, else it stays 0

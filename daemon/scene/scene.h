@@ -58,6 +58,7 @@ typedef struct pm_scene_prescribed {
     double number;
     const char *column, *at; // column NULL: the value is `number`
     pm_hold hold;            // of the column
+    double delay;            // s: the column acts so much later than its samples say
 } pm_scene_prescribed;
 
 // The names of the values of pm_hold, which the scene's key `hold` takes, and a NULL.

@@ -640,6 +640,7 @@ enum { VALUE, DE, DS, NLIST }; // in the order of pm_scene_boundary_input.value
 typedef struct group_lists {
     pm_scene_named *list[NLIST];
     int hold; // pm_hold
+    double delay;
 } group_lists;
 
 static pm_status read_prescribed_group(pm_scene_reader *r, pm_scene_boundary_input *input,
@@ -652,6 +653,7 @@ static pm_status read_prescribed_group(pm_scene_reader *r, pm_scene_boundary_inp
                                 {PM_YAML_VALUE("dS", &list[DS])},
                                 {PM_YAML_VALUE("value", &list[VALUE])},
                                 {PM_YAML_CHOICE("hold", &read->hold, pm_hold_names)},
+                                {PM_YAML_DOUBLE("delay", &read->delay, -INFINITY, INFINITY)},
                                 {0}};
     PM_TRY(pm_scene_read_name(r, key, &name));
     PM_TRY(pm_yaml_read(block, r->arena, keys));
@@ -705,6 +707,7 @@ static pm_status read_boundary_input(pm_scene_reader *r, pm_scene_boundary_input
             if (strchr("+-.0123456789", list[k].text[0]) == NULL) { // no number
                 own[k].column = list[k].text;
                 own[k].hold = (pm_hold)written[i / NLIST].hold;
+                own[k].delay = written[i / NLIST].delay;
             } else {
                 PM_TRY(pm_yaml_double(list[k].at, -INFINITY, INFINITY, &own[k].number));
             }
