@@ -146,6 +146,10 @@ static void describe(const pm_logger_view *v, const char *found) {
         if (column->free_scale) {
             printf("; nothing shows its scale, which is 1");
         }
+        if (column->delay != 0) {
+            const double later = column->delay * v->dataset->dt;
+            printf("; acts %g s %s than logged", fabs(later), later < 0 ? "earlier" : "later");
+        }
         printf("%s\n", column->held ? "; held between samples" : "");
     }
     for (int k = 0; k < v->nleft; ++k) {
@@ -212,6 +216,19 @@ static void name_inputs(const pm_logger_view *v) {
     }
 }
 
+// What a trial supposes: guesses about columns and delays of inputs, by identifier, and laws.
+typedef struct hypothesis {
+    pm_logger_guess guess[PM_LOGGER_COLUMNS];
+    int delay[PM_LOGGER_COLUMNS]; // rows
+    int chosen[PM_LOGGER_NCHOICE];
+} hypothesis;
+
+static bool is_same(const hypothesis *a, const hypothesis *b) {
+    return memcmp(a->guess, b->guess, sizeof a->guess) == 0 &&
+           memcmp(a->delay, b->delay, sizeof a->delay) == 0 &&
+           memcmp(a->chosen, b->chosen, sizeof a->chosen) == 0;
+}
+
 // The guesses of trials about what nobody measures.
 typedef struct hidden_search {
     const pm_dataset *dataset;
@@ -221,9 +238,8 @@ typedef struct hidden_search {
     double seconds;       // of a trial, where one record both teaches a model and judges it; else 0
     pm_logger_view first; // what is found first
     int count, best;
-    pm_logger_guess guess[MOST_TRIALS][PM_LOGGER_COLUMNS];
-    int chosen[MOST_TRIALS][PM_LOGGER_NCHOICE]; // laws
-    bool simpler[MOST_TRIALS];                  // it has fewer constants than the one it began with
+    hypothesis what[MOST_TRIALS];
+    bool simpler[MOST_TRIALS];      // it has fewer constants than the one it began with
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     bool lean[MOST_TRIALS];         // likewise
     bool lean_failed[MOST_TRIALS];  // nothing can be left out of it
@@ -262,15 +278,17 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
                              .found = s->found[*chosen],
                              .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
-    hints.guess = s->guess[*chosen];
+    const hypothesis *what = &s->what[*chosen];
+    hints.guess = what->guess;
+    hints.delay = what->delay;
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
-    take_choices(&draft.view, s->chosen[*chosen]);
+    take_choices(&draft.view, what->chosen);
     draft.scene_path = scene;
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
              path);
     pm_status status = pm_logger_write_scene(&draft, scene);
-    status = status == PM_OK ? pm_logger_write_training(&draft, s->chosen[*chosen], comment, path)
-                             : status;
+    status =
+        status == PM_OK ? pm_logger_write_training(&draft, what->chosen, comment, path) : status;
     pm_logger_view_free(&draft.view);
     return status;
 }
@@ -287,7 +305,7 @@ static int hidden_by(const hidden_search *s, int id) {
         count += s->first.column[c].source == NULL;
     }
     for (int c = 0; c < PM_LOGGER_COLUMNS; ++c) {
-        count += pm_logger_hides(s->guess[id][c]);
+        count += pm_logger_hides(s->what[id].guess[c]);
     }
     return count;
 }
@@ -396,9 +414,8 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     if (s->count == MOST_TRIALS) {
         return;
     }
-    pm_logger_guess *own = s->guess[s->count];
-    memcpy(own, s->guess[s->best], sizeof s->guess[0]);
-    memcpy(s->chosen[s->count], s->chosen[s->best], sizeof s->chosen[0]);
+    pm_logger_guess *own = s->what[s->count].guess;
+    s->what[s->count] = s->what[s->best];
     for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
         const bool same = alike != NULL && pm_unit_equal(&other->dimension, alike) &&
@@ -409,7 +426,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
         }
     }
     for (int i = 0; i < s->count; ++i) {
-        if (memcmp(s->guess[i], own, sizeof s->guess[0]) == 0) {
+        if (memcmp(s->what[i].guess, own, sizeof s->what[i].guess) == 0) {
             return;
         }
     }
@@ -425,8 +442,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
 static bool is_twin(const hidden_search *s, int id) {
     bool twin = false;
     for (int i = 0; i < id; ++i) {
-        twin = twin || (memcmp(s->guess[i], s->guess[id], sizeof s->guess[0]) == 0 &&
-                        memcmp(s->chosen[i], s->chosen[id], sizeof s->chosen[0]) == 0);
+        twin = twin || is_same(&s->what[i], &s->what[id]);
     }
     return twin;
 }
@@ -440,10 +456,11 @@ static pm_status add_laws(hidden_search *s, int most) {
         {PM_LOGGER_INERTIA, LEARNED_INERTIA},        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
         {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int all = sizeof richer / sizeof *richer;
-    const int *chosen = s->chosen[s->best];
+    const int *chosen = s->what[s->best].chosen;
     pm_logger_hints hints = *s->hints;
     pm_logger_view view;
-    hints.guess = s->guess[s->best];
+    hints.guess = s->what[s->best].guess;
+    hints.delay = s->what[s->best].delay;
     PM_TRY(pm_logger_look(&view, s->dataset, &hints));
     for (int k = 0; k < all && k < most && s->count < MOST_TRIALS; ++k) {
         const char *name;
@@ -452,9 +469,8 @@ static pm_status add_laws(hidden_search *s, int most) {
         const int count =
             pm_logger_alternatives(&view, (pm_logger_choice)which, &name, &alternative);
         if (chosen[which] == 0 && richer[k][1] < count) {
-            memcpy(s->guess[s->count], s->guess[s->best], sizeof s->guess[0]);
-            memcpy(s->chosen[s->count], chosen, sizeof s->chosen[0]);
-            s->chosen[s->count][which] = richer[k][1];
+            s->what[s->count] = s->what[s->best];
+            s->what[s->count].chosen[which] = richer[k][1];
             s->found[s->count] = found_by_best(s);
             s->lean[s->count] = s->lean[s->best];
             s->count += !is_twin(s, s->count);
@@ -491,6 +507,48 @@ static pm_status find_laws(hidden_search *s, int most) {
     return PM_OK;
 }
 
+// Tries the delays of inputs that regressions show: all of them, then single ones.
+static pm_status find_delays(hidden_search *s) {
+    for (int only = -1; only < s->first.ncolumn && s->count < MOST_TRIALS && !is_over(s); ++only) {
+        const int from = s->count, before = s->best;
+        bool some = false;
+        s->what[from] = s->what[before];
+        for (int u = s->first.nvariable; u < s->first.ncolumn; ++u) {
+            const pm_logger_column *input = &s->first.column[u];
+            if (input->shows_delay != 0 && (only < 0 || only == u)) {
+                s->what[from].delay[input->id] = input->shows_delay;
+                some = true;
+            }
+        }
+        if (some && !is_same(&s->what[from], &s->what[before])) {
+            ++s->count;
+            PM_TRY(try_guesses(s, from));
+        }
+        if (only < 0 && s->best != before) {
+            break;
+        }
+    }
+    return PM_OK;
+}
+
+// Tries the best hypothesis without delays: a hidden variable, found since, may be what made an
+// input act late.
+static pm_status leave_delays(hidden_search *s) {
+    static const int none[PM_LOGGER_COLUMNS] = {0};
+    const int from = s->count;
+    if (memcmp(s->what[s->best].delay, none, sizeof none) == 0 || from == MOST_TRIALS ||
+        is_late(s)) {
+        return PM_OK;
+    }
+    s->what[from] = s->what[s->best];
+    memcpy(s->what[from].delay, none, sizeof none);
+    s->simpler[from] = true;
+    s->lean[from] = s->lean[s->best];
+    s->found[from] = found_by_best(s);
+    ++s->count;
+    return try_guesses(s, from);
+}
+
 // Tries what inputs may set, the best of all again and again, at most `most` times.
 static pm_status find_inputs(hidden_search *s, int most) {
     for (int before = -1, pass = 0; pass < most && s->best != before && !is_over(s); ++pass) {
@@ -498,7 +556,8 @@ static pm_status find_inputs(hidden_search *s, int most) {
         before = s->best;
         pm_logger_hints hints = *s->hints;
         pm_logger_view view;
-        hints.guess = s->guess[s->best];
+        hints.guess = s->what[s->best].guess;
+        hints.delay = s->what[s->best].delay;
         PM_TRY(pm_logger_look(&view, s->dataset, &hints));
         for (int u = view.nvariable; u < view.ncolumn; ++u) {
             const pm_logger_column *input = &view.column[u];
@@ -569,16 +628,13 @@ static pm_status try_again(hidden_search *s, bool turn) {
     const int from = s->count, before = s->best;
     bool may = !turn || pm_logger_alternatives(&s->first, PM_LOGGER_HOLD, &name, &alternative) > 1;
     for (int i = 0; i < from && !turn; ++i) {
-        const bool same = memcmp(s->guess[i], s->guess[before], sizeof s->guess[0]) == 0 &&
-                          memcmp(s->chosen[i], s->chosen[before], sizeof s->chosen[0]) == 0;
-        may = may && !(same && s->found[i] == NULL);
+        may = may && !(is_same(&s->what[i], &s->what[before]) && s->found[i] == NULL);
     }
     if (!may || from == MOST_TRIALS || is_late(s)) {
         return PM_OK;
     }
-    memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
-    memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
-    s->chosen[from][PM_LOGGER_HOLD] ^= turn;
+    s->what[from] = s->what[before];
+    s->what[from].chosen[PM_LOGGER_HOLD] ^= turn;
     s->lean[from] = turn && s->lean[before];
     s->found[s->count++] = turn ? found_by_best(s) : NULL;
     PM_TRY(try_guesses(s, from));
@@ -613,8 +669,7 @@ static pm_status leave_out(hidden_search *s) {
             s->lean_failed[before] = true;
             return PM_OK;
         }
-        memcpy(s->guess[from], s->guess[before], sizeof s->guess[0]);
-        memcpy(s->chosen[from], s->chosen[before], sizeof s->chosen[0]);
+        s->what[from] = s->what[before];
         s->lean[from] = true;
         s->found[from] = found;
         ++s->count;
@@ -649,6 +704,7 @@ static pm_status find_hidden(hidden_search *s) {
     }
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
+    PM_TRY(find_delays(s));
     // The order of trials. A missing hidden variable leaves a large error, and a wrong law a small
     // one, so that hidden variables come before most laws. Motion heats, but heat hardly moves, so
     // that variables hidden behind temperatures come last, and inputs are looked at once more after
@@ -677,6 +733,7 @@ static pm_status find_hidden(hidden_search *s) {
         PM_TRY(leave_out(s));
     }
     PM_TRY(find_inputs(s, MOST_TRIALS));
+    PM_TRY(hidden_by(s, s->best) > hidden_by(s, first) ? leave_delays(s) : PM_OK);
     // A better model may tell otherwise.
     PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
     PM_TRY(try_again(s, false));
@@ -711,8 +768,7 @@ static pm_status confirm(hidden_search *s) {
     pm_status status = PM_OK;
     s->most = s->dataset->ntrajectory;
     for (bool fits = false; !fits && status == PM_OK && isfinite(error_of(s, s->best));) {
-        memcpy(s->guess[last], s->guess[s->best], sizeof s->guess[0]);
-        memcpy(s->chosen[last], s->chosen[s->best], sizeof s->chosen[0]);
+        s->what[last] = s->what[s->best];
         for (int k = 0; k < 2 && !fits && status == PM_OK; ++k) {
             s->found[last] = k == 0 ? found_by_best(s) : NULL;
             s->lean[last] = k == 0 && s->lean[s->best];
@@ -762,7 +818,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
         for (int c = 0; c < s->first.ncolumn; ++c) {
             const pm_logger_column *column = &s->first.column[c];
             const pm_logger_guess own =
-                column->id >= 0 ? s->guess[i][column->id] : PM_LOGGER_AS_FOUND;
+                column->id >= 0 ? s->what[i].guess[column->id] : PM_LOGGER_AS_FOUND;
             int one, other;
             if (own >= PM_LOGGER_PAIRS) {
                 const pm_logger_guess kind = pm_logger_split(own, &one, &other);
@@ -782,12 +838,22 @@ static void print_trials(const hidden_search *s, FILE *f) {
                 any = true;
             }
         }
+        for (int u = s->first.nvariable; u < s->first.ncolumn; ++u) {
+            const pm_logger_column *input = &s->first.column[u];
+            const double later = s->what[i].delay[input->id] * s->dataset->dt;
+            if (later != 0) {
+                fprintf(f, "%s%s: acts %g s %s", any ? "; " : "", input->name, fabs(later),
+                        later < 0 ? "earlier" : "later");
+                any = true;
+            }
+        }
         for (int k = 0; k < PM_LOGGER_NCHOICE; ++k) {
             const char *name;
             const char *const *alternative;
             (void)pm_logger_alternatives(&s->first, (pm_logger_choice)k, &name, &alternative);
-            if (s->chosen[i][k] > 0) {
-                fprintf(f, "%s%s: %s", any ? "; " : "", name, alternative[s->chosen[i][k]]);
+            const int chosen = s->what[i].chosen[k];
+            if (chosen > 0) {
+                fprintf(f, "%s%s: %s", any ? "; " : "", name, alternative[chosen]);
                 any = true;
             }
         }
@@ -901,19 +967,20 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     search->first = draft.view;
     for (int u = draft.view.nvariable; u < draft.view.ncolumn; ++u) {
         const pm_logger_column *input = &draft.view.column[u];
-        search->guess[0][input->id] = input->clear ? input->other[0] : PM_LOGGER_AS_FOUND;
+        search->what[0].guess[input->id] = input->clear ? input->other[0] : PM_LOGGER_AS_FOUND;
     }
     if (hints->budget > 0) {
         PM_TRY_DONE(find_hidden(search));
         PM_TRY_DONE(confirm(search));
         print_trials(search, comment);
     }
-    own.guess = search->guess[search->best];
+    own.guess = search->what[search->best].guess;
+    own.delay = search->what[search->best].delay;
     pm_logger_view_free(&draft.view);
     looked = false;
     PM_TRY_DONE(pm_logger_look(&draft.view, dataset, &own));
     looked = true;
-    take_choices(&draft.view, search->chosen[search->best]);
+    take_choices(&draft.view, search->what[search->best].chosen);
     if (pm_logger_is_measured(&draft.view)) {
         draft.found = search->start;
         draft.lean = draft.found != NULL && search->lean[search->best];
@@ -928,7 +995,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     draft.scene_path = scene;
     PM_TRY_DONE(fflush(comment) == 0 ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a comment"));
     own.budget = fmax(own.budget - search->used, 0);
-    PM_TRY_DONE(choose_laws(&draft, &own, search->chosen[search->best], text, training));
+    PM_TRY_DONE(choose_laws(&draft, &own, search->what[search->best].chosen, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
 done:
     if (looked) {

@@ -78,6 +78,17 @@ static bool pushed(const pm_logger_view *v, int part) {
     return some;
 }
 
+// Writes what an input is between its samples, and how much later it acts, as the scene has them.
+static void write_hold(const pm_logger_view *v, const pm_logger_column *input,
+                       char text[PM_LOGGER_TEXT]) {
+    const char *hold = input->held ? "previous" : "smooth";
+    if (input->delay == 0) {
+        snprintf(text, PM_LOGGER_TEXT, "%s", hold);
+    } else {
+        snprintf(text, PM_LOGGER_TEXT, "%s, delay: %.9g", hold, input->delay * v->dataset->dt);
+    }
+}
+
 // Returns true if the input has one of two effects on this part, or on any part if it is -1.
 static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_effect one,
                        pm_logger_effect other) {
@@ -112,8 +123,9 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[P
         }
     }
     if (bath != NULL && enters > 0) {
-        snprintf(bath, PM_LOGGER_TEXT, "[\"%.80s\"], hold: %s", v->column[enters].source,
-                 v->column[enters].held ? "previous" : "smooth");
+        char hold[PM_LOGGER_TEXT];
+        write_hold(v, &v->column[enters], hold);
+        snprintf(bath, PM_LOGGER_TEXT, "[\"%.40s\"], hold: %.60s", v->column[enters].source, hold);
     } else if (bath != NULL) {
         snprintf(bath, PM_LOGGER_TEXT, "[%.6g]", takes ? T : 0.0);
     }
@@ -402,7 +414,9 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     }
     for (int u = v->nvariable; u < v->ncolumn; ++u) {
         const pm_logger_column *input = &v->column[u];
-        const char *groups = groups_of(v, u, -1), *hold = input->held ? "previous" : "smooth";
+        const char *groups = groups_of(v, u, -1);
+        char hold[PM_LOGGER_TEXT];
+        write_hold(v, input, hold);
         const char *unit = *input->unit == '\0' ? "1" : input->unit;
         bool acts = false;
         for (int i = 0; i < v->npart; ++i) {

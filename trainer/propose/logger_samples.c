@@ -21,6 +21,10 @@
 #define STAIRCASE 0.3      // of all steps: a column that stays as it is so often is held
 #define JUMP 0.2           // of the deviation: a staircase without hints jumps so far
 #define REGRESSED 400      // windows of a trajectory, at most
+#define MOVES 1e-3         // of the changes: an input that explains less does not move a column
+#define LATEST 20          // rows by which an input acts later, at most, in a trajectory of
+#define SHORT 8            // times as many rows, at least
+#define CLEARLY 10.0       // logarithm of how many times likelier a delay must be than none
 #define CHANGE 10.0        // of the noise: windows are so long that changes are larger
 #define LONGEST_CHANGE 0.3 // of the deviation: windows are no longer than such changes take
 
@@ -177,13 +181,15 @@ static void divide(pm_logger_samples *w, int length) {
     const pm_logger_view *view = w->view;
     const pm_dataset *d = view->dataset;
     w->nfeature = 1 + view->ncolumn;
+    w->width = w->nfeature + PM_LOGGER_COLUMNS + 1;
     w->nwindow = 0;
     for (int i = 0; i < d->ntrajectory; ++i) {
         const int jump = 1 + d->ntime / (length * REGRESSED);
         for (int k = 0; k + length < d->ntime; k += jump * length) {
-            double *x = w->window + (ptrdiff_t)w->nwindow * (w->nfeature + PM_LOGGER_COLUMNS);
+            double *x = w->window + (ptrdiff_t)w->nwindow * w->width;
             bool whole = true;
-            memset(x, 0, sizeof(double) * (size_t)(w->nfeature + PM_LOGGER_COLUMNS));
+            memset(x, 0, sizeof(double) * (size_t)w->width);
+            x[w->width - 1] = k == 0;
             x[0] = pm_logger_time(w, i, k + length) - pm_logger_time(w, i, k);
             for (int c = 0; c < view->ncolumn; ++c) {
                 const pm_logger_column *column = &view->column[c];
@@ -209,9 +215,11 @@ static void divide(pm_logger_samples *w, int length) {
     }
 }
 
-// Regresses the changes of a column on the integrals of the columns in `used`, and on the duration.
-// Writes coefficient [nfeature] of what is used. Returns the unexplained part of the squares.
-double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient) {
+// Regresses the changes of a column on the integrals of the columns in `used`, and on the duration;
+// with `turns` the difference of each change from the one before it. Writes coefficient [nfeature]
+// of what is used. Returns the unexplained part of the squares.
+static double regress(pm_logger_samples *w, int target, const bool *used, bool turns,
+                      double *coefficient) {
     pm_least_squares *s = w->squares;
     double x[1 + PM_LOGGER_COLUMNS], solution[1 + PM_LOGGER_COLUMNS];
     const int length = pm_logger_window(w, target);
@@ -223,19 +231,27 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
         s->n += c == 0 || used[c - 1];
     }
     for (int k = 0; k < w->nwindow; ++k) {
-        const double *row = w->window + (ptrdiff_t)k * (w->nfeature + PM_LOGGER_COLUMNS);
+        const double *row = w->window + (ptrdiff_t)k * w->width;
+        const double *before = turns && k > 0 && row[w->width - 1] == 0 ? row - w->width : NULL;
+        const int at = w->nfeature + target;
         for (int c = 0, n = 0; c < w->nfeature; ++c) {
             if (c == 0 || used[c - 1]) {
-                x[n++] = row[c];
+                x[n++] = row[c] - (before != NULL ? before[c] : 0);
             }
         }
-        pm_least_squares_add(s, x, row[w->nfeature + target]);
+        if (!turns || before != NULL) {
+            pm_least_squares_add(s, x, row[at] - (before != NULL ? before[at] : 0));
+        }
     }
     const double rest = pm_least_squares_solve(s, solution);
     for (int c = 0, n = 0; c < w->nfeature && coefficient != NULL; ++c) {
         coefficient[c] = c == 0 || used[c - 1] ? solution[n++] : 0;
     }
     return rest;
+}
+
+double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, double *coefficient) {
+    return regress(w, target, used, false, coefficient);
 }
 
 // Returns how much of the changes in slope of variable c, at the jumps of the held input u, these
@@ -309,6 +325,51 @@ void pm_logger_regress_all(pm_logger_samples *w) {
         }
         view->fastest = fmax(view->fastest, rate);
     }
+}
+
+// Returns minus the logarithm of the likelihood of what input u moves, from differences of windows:
+// what is no linear function of the columns changes little from one to the next.
+static double misfit_of(pm_logger_samples *w, int u) {
+    const pm_logger_view *view = w->view;
+    bool used[PM_LOGGER_COLUMNS];
+    double sum = 0;
+    memset(used, true, sizeof used);
+    w->length = 0;
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (view->share[c][u] > MOVES && view->column[c].source != NULL) {
+            sum += log(fmax(regress(w, c, used, true, NULL), DBL_MIN)) * w->nwindow / 2;
+        }
+    }
+    return sum;
+}
+
+pm_status pm_logger_find_delays(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    const int n = view->dataset->ntime, most = n / SHORT < LATEST ? n / SHORT : LATEST;
+    double *value = pm_arena_array(&view->arena, (size_t)w->nrow, sizeof *value);
+    PM_TRY(pm_arena_status(&view->arena, "delays"));
+    for (int u = view->nvariable; u < view->ncolumn; ++u) {
+        double best = misfit_of(w, u) - CLEARLY;
+        for (int k = 0; k < w->nrow; ++k) {
+            value[k] = w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u];
+        }
+        for (int delay = -1; delay <= most; ++delay) {
+            for (int k = 0; k < w->nrow; ++k) {
+                const int at = k % n - delay, inside = at < 0 ? 0 : at < n ? at : n - 1;
+                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k - k % n + inside];
+            }
+            const double misfit = misfit_of(w, u);
+            if (misfit < best) {
+                best = misfit;
+                view->column[u].shows_delay = delay;
+            }
+        }
+        for (int k = 0; k < w->nrow; ++k) {
+            w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k];
+        }
+    }
+    w->length = 0;
+    return PM_OK;
 }
 
 // Fills the rows between the samples of columns that are sampled more rarely than the others.

@@ -18,7 +18,9 @@ typedef struct pm_logger_samples {
     double *time;                  // [nrow] s; NaN after the end of a trajectory
     double *sort;                  // [nrow]
     int nwindow, nfeature, length; // windows, their features and samples; length 0: to be divided
-    double *window; // [nwindow][nfeature + PM_LOGGER_COLUMNS] integrals, then changes
+    // [nwindow][width] integrals, changes, and 1 for the first window of a trajectory, else 0
+    double *window;
+    int width; // nfeature + PM_LOGGER_COLUMNS + 1
     pm_least_squares *squares;
 } pm_logger_samples;
 
@@ -79,5 +81,10 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
 // Regresses all variables on all columns, and fills the view's couplings, shares, answers at
 // jumps and fastest rate.
 void pm_logger_regress_all(pm_logger_samples *w);
+
+// Finds, after pm_logger_regress_all, which inputs explain clearly more of what they move when they
+// act some rows later than their samples say, or one row earlier (shows_delay of the columns).
+// PM_ENOMEM.
+pm_status pm_logger_find_delays(pm_logger_samples *w);
 
 #endif

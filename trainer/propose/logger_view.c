@@ -1400,6 +1400,7 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
                                          .source = d->column[c],
                                          .id = c,
                                          .base = base[c],
+                                         .delay = hints->delay != NULL ? hints->delay[c] : 0,
                                          .kind = pass == 1 ? PM_LOGGER_INPUT : PM_LOGGER_FLOW,
                                          .mate = -1,
                                          .behind = -1,
@@ -1415,7 +1416,12 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             const int from = base[c];
             const pm_unit other = pm_unit_parse(from < 0 || unit == NULL ? "" : unit[from]);
             for (int k = 0; k < w->nrow; ++k) {
-                const double *row = d->z + (ptrdiff_t)k * d->ncolumn;
+                // What an input is before its first sample and behind its last one.
+                const int at = k % d->ntime - column->delay, inside = at < 0 ? 0
+                                                                      : at < d->ntime
+                                                                          ? at
+                                                                          : d->ntime - 1;
+                const double *row = d->z + (ptrdiff_t)(k - k % d->ntime + inside) * d->ncolumn;
                 w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + view->ncolumn] =
                     own.factor * row[c] + own.offset -
                     (from < 0 ? 0 : other.factor * row[from] + other.offset);
@@ -1511,7 +1517,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     w.value = pm_arena_array(&view->arena, n * PM_LOGGER_COLUMNS, sizeof *w.value);
     w.time = pm_arena_array(&view->arena, n, sizeof *w.time);
     w.sort = pm_arena_array(&view->arena, n, sizeof *w.sort);
-    w.window = pm_arena_array(&view->arena, n * (2 * PM_LOGGER_COLUMNS + 1), sizeof *w.window);
+    w.window = pm_arena_array(&view->arena, n * (2 * PM_LOGGER_COLUMNS + 2), sizeof *w.window);
     w.squares = pm_arena_array(&view->arena, 1, sizeof *w.squares);
     PM_TRY_DONE(pm_arena_status(&view->arena, "the columns of a logger"));
     for (int k = 0; k < w.nrow; ++k) {
@@ -1539,6 +1545,9 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
         view->hides = view->hides || column->saturates;
     }
     pm_logger_regress_all(&w);
+    if (hints->delay == NULL && view->even) {
+        PM_TRY_DONE(pm_logger_find_delays(&w));
+    }
     PM_TRY_DONE(pm_logger_find_guides(&w, true));
     for (int i = 0; i < view->npart; ++i) {
         view->thermometer[i] = -1;

@@ -108,7 +108,9 @@ typedef struct pm_logger_column {
     int nother;
     pm_logger_guess other[PM_LOGGER_NGUESS];
     bool clear;
-    bool held;                              // inputs: a staircase, or no smooth function
+    bool held;       // inputs: a staircase, or no smooth function
+    int delay;       // inputs: rows by which the column acts later than its samples say
+    int shows_delay; // inputs: such a number that regressions prefer; 0: none
     double least, largest, mean, deviation; // in its unit
     double noise;                           // standard deviation of white noise; 0: none is seen
     bool saturates;                         // its sensor shows no more than `largest`
@@ -468,6 +470,7 @@ typedef struct pm_logger_hints {
     int seed;                     // of the training file
     double budget;                // s of CPU time for trials of what is hidden; 0: none is tried
     const pm_logger_guess *guess; // [columns of the dataset]; NULL: all as found
+    const int *delay;             // [columns of the dataset] of inputs, in rows; NULL: none is
     const volatile sig_atomic_t *stop;
 } pm_logger_hints;
 
