@@ -304,7 +304,7 @@ static double rest_of_some(const equations *e, const bool *keep, equations *work
     return rest_of(work, work + 1, work->n, x);
 }
 
-// Finds how velocities move column q, if they do.
+// Finds how velocities, and inputs that fill it, move column q, if they do.
 static void find_guide(pm_logger_samples *w, int q, equations *e) {
     pm_logger_view *v = w->view;
     pm_logger_column *place = &v->column[q];
@@ -339,7 +339,15 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
             }
         }
     }
-    if (list.count == 0 || list.count == MOST) {
+    const int moving = list.count;
+    const pm_unit second = pm_unit_parse("s");
+    for (int u = v->nvariable; u < v->ncolumn && place->dimension.known; ++u) {
+        const pm_unit filled = pm_unit_product(&v->column[u].dimension, &second);
+        if (pm_unit_equal(&filled, &place->dimension)) {
+            add_term(&list, u, VALUE, u, ONE);
+        }
+    }
+    if (moving == 0 || list.count == MOST) {
         return;
     }
     double x[MOST];
@@ -376,7 +384,6 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
         }
     }
     rest = rest_of_some(e, keep, e + 2, x);
-    const pm_unit second = pm_unit_parse("s");
     int mate = -1;
     bool near = false;
     double own = 0;
@@ -388,6 +395,15 @@ static void find_guide(pm_logger_samples *w, int q, equations *e) {
         }
         const double size = fmax(fabs(y->least), fabs(y->largest));
         double factor = x[n++] / size;
+        if (k >= moving) {
+            if (fabs(fabs(factor) - 1) < ROUND && v->naction < PM_LOGGER_ACTIONS) {
+                v->action[v->naction++] = (pm_logger_action){.input = a->column,
+                                                             .target = q,
+                                                             .effect = PM_LOGGER_FILLS,
+                                                             .gain = copysign(1, factor)};
+            }
+            continue;
+        }
         // A velocity of its own part is its rate before all others.
         const double moved = fabs(factor) * y->deviation;
         const bool home = y->part == place->part;
