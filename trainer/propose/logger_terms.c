@@ -469,33 +469,6 @@ static double pull_of(const pm_logger_samples *w, int i, equations *work) {
     return most;
 }
 
-// Returns true if the products of velocity j with velocities change velocity i, more than a pull
-// towards a centre would. *bends tells whether they depend on a position, as where an inertia does.
-static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work, bool *bends) {
-    const pm_logger_view *v = w->view;
-    term_list products = {0};
-    add_term(&products, i, VALUE, i, SIZE);
-    for (int k = 0; k < v->nvariable; ++k) {
-        if (pm_logger_is_velocity(&v->column[k]) && v->column[k].part == v->column[i].part) {
-            add_term(&products, j, VALUE, k, VALUE);
-        }
-    }
-    const double gain = gain_of(w, i, &products, 1, work, NULL);
-    const int known = products.count;
-    for (int q = 0; q < v->nvariable; ++q) {
-        const pm_logger_column *place = &v->column[q];
-        for (int k = 1; k < known && place->kind == PM_LOGGER_POSITION && !place->guided &&
-                        (place->mate == i || place->mate == j) && products.count < MOST;
-             ++k) {
-            regressor *r = &products.item[products.count++];
-            *r = products.item[k];
-            r->factor[2] = (atom){.column = q, .kind = VALUE};
-        }
-    }
-    *bends = gain > GAINS && gain_of(w, i, &products, known, work, NULL) > INERTIAL * work->rest;
-    return gain > GAINS && gain > pull_of(w, i, work);
-}
-
 // Adds the force x^one y^two, powers 0 to 2, of an energy of position q, as it acts on velocity i.
 static void add_force(const pm_logger_view *v, term_list *list, int i, atom x, atom y, int q) {
     if (v->column[q].mate == i && !v->column[q].guided && list->count < MOST) {
@@ -566,6 +539,35 @@ static void add_known(const pm_logger_view *v, term_list *list, int i) {
             }
         }
     }
+}
+
+// Returns true if the products of velocity j with velocities change velocity i, more than a pull
+// towards a centre would. *bends tells whether they depend on a position, as where an inertia does.
+static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work, bool *bends) {
+    const pm_logger_view *v = w->view;
+    term_list products = {0};
+    add_known(v, &products, i);
+    add_term(&products, i, VALUE, i, SIZE);
+    const int forces = products.count;
+    for (int k = 0; k < v->nvariable; ++k) {
+        if (pm_logger_is_velocity(&v->column[k]) && v->column[k].part == v->column[i].part) {
+            add_term(&products, j, VALUE, k, VALUE);
+        }
+    }
+    const double gain = gain_of(w, i, &products, forces, work, NULL);
+    const int known = products.count;
+    for (int q = 0; q < v->nvariable; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        for (int k = forces; k < known && place->kind == PM_LOGGER_POSITION && !place->guided &&
+                             (place->mate == i || place->mate == j) && products.count < MOST;
+             ++k) {
+            regressor *r = &products.item[products.count++];
+            *r = products.item[k];
+            r->factor[2] = (atom){.column = q, .kind = VALUE};
+        }
+    }
+    *bends = gain > GAINS && gain_of(w, i, &products, known, work, NULL) > INERTIAL * work->rest;
+    return gain > GAINS && gain > pull_of(w, i, work);
 }
 
 pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
