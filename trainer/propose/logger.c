@@ -371,7 +371,13 @@ static pm_status try_guesses(hidden_search *s, int from) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
     // A single guess gets at most half of the budget that is left, so that others can follow.
     // Several guesses share all of it.
-    const double rest = s->hints->budget - s->spent, count = s->count - from;
+    const double rest = s->hints->budget - s->spent;
+    // What begins where the best one ended takes about half of its time.
+    const double each_takes = from > 0 ? s->trial[s->best].seconds / 2 : 0;
+    while (s->count > from + 1 && (s->count - from) * each_takes > rest) {
+        --s->count;
+    }
+    const double count = s->count - from;
     const double left = fmax(fmin(rest / 2, rest / fmax(count, 1)), LEAST);
     const double longest = fmin(ENDED, left);
     const pm_fit_effort each = {.tries = TRIES,
