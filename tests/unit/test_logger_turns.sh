@@ -3,25 +3,10 @@
 # rigid body, a charge in a magnetic field, and a current that carries entropy; a piston, two carts on springs, and a reaction. Proposals
 # find how, and fits to some of them are good. `short` fits the robot alone.
 . "$(dirname "$0")/../support/setting.sh"
+. "$(dirname "$0")/../support/logger_tables.sh"
 train=$1
 short=${2:-}
 program=$train
-
-# write NAME COUNT HEADER BEGIN STEP: COUNT tables of 120 samples 0.02 s apart. BEGIN is executed first, STEP 20 times
-# between two samples, with the time step h; the values are y[1], y[2], ..., and u changes each 15 samples.
-write() {
-    name=$1 count=$2 header=$3 begin=$4 step=$5
-    for i in $(seq "$count"); do
-        awk -v seed="$i" "BEGIN {
-            srand(seed); h = 0.001; print \"t [s],$header\"; $begin
-            for (k = 0; k < 120; k++) {
-                if (k % 15 == 0) u = driven == 2 ? rand() : 2*rand() - 1
-                printf \"%.3f\", 0.02*k; for (j = 1; j <= n; j++) printf \",%.12g\", y[j]; print driven ? sprintf(\",%.6g\", u) : \"\"
-                for (j = 0; j < 20; j++) { $step }
-            }
-        }" >"$folder/${name}_$i.csv"
-    done
-}
 
 write robot 6 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
     "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \
