@@ -624,6 +624,23 @@ static pm_status find_columns(hidden_search *s, column_group group) {
     return PM_OK;
 }
 
+// Returns true if the column that the best trial predicts worst, by its noise, is a temperature.
+static bool is_warm(const hidden_search *s) {
+    double worst = 0;
+    bool warm = false;
+    for (int c = 0; c < s->first.nvariable; ++c) {
+        const pm_logger_column *column = &s->first.column[c];
+        const bool scored = column->id >= 0 && column->id < PM_FIT_SCORED_GROUPS;
+        const double error = scored ? s->trial[s->best].score.group[column->id] : 0,
+                     ratio = error / fmax(column->roughness, ENOUGH);
+        if (ratio > worst) {
+            worst = ratio;
+            warm = column->kind == PM_LOGGER_TEMPERATURE;
+        }
+    }
+    return warm;
+}
+
 // Tries the best guesses once more. With `turn` inputs that look smooth become held between
 // samples, or held ones smooth. Without it the constants begin where regressions put them, because
 // the constants of a worse guess may have led them astray. The new trial is no richer than the old
@@ -719,6 +736,8 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(try_again(s, true));
     PM_TRY(leave_out(s));
     const int first = s->best;
+    // What moves heat comes first where temperatures are predicted worst.
+    PM_TRY(is_warm(s) ? find_columns(s, SEEN) : PM_OK);
     if (!s->short_of_time) {
         PM_TRY(find_laws(s, 1));
         PM_TRY(leave_out(s));

@@ -433,12 +433,18 @@ static inline bool pm_logger_is_rigid(const pm_logger_view *view, int v) {
     return found;
 }
 
-// Returns true if the inertia of a velocity may depend on positions although regressions do not
-// show it.
+// Returns true if the inertia of a velocity, or the capacity of another co-energy, may depend on
+// positions although regressions do not show it.
 static inline bool pm_logger_hides_turning(const pm_logger_view *view, int c) {
     const pm_logger_column *y = &view->column[c];
-    return y->kind == PM_LOGGER_FLOW && y->mate >= 0 && !view->column[y->mate].guided &&
-           !pm_logger_is_rigid(view, c) && !view->turns[c] && !view->inertial[y->part];
+    bool places = false;
+    for (int q = 0; q < view->nvariable; ++q) {
+        const pm_logger_column *place = &view->column[q];
+        places = places || (place->kind == PM_LOGGER_POSITION && !place->guided &&
+                            (y->mate >= 0 ? y->mate == q : place->part == y->part));
+    }
+    return y->kind == PM_LOGGER_FLOW && y->relaxes == 0 && places && !pm_logger_is_rigid(view, c) &&
+           !view->turns[c] && !(y->mate >= 0 && view->inertial[y->part]);
 }
 
 // Returns true if an angle may have a spring: it does not turn around.
