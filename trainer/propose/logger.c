@@ -437,8 +437,9 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
         }
     }
     // A hidden variable adds to a law that is known well; beside another one, all begins anew. So
-    // it does where an input moves what it has not moved: what is spare without that may be needed.
-    const bool keeps = guess != PM_LOGGER_FREELY && (!pm_logger_hides(guess) || s->lean[s->best]);
+    // it does where an input does something else: what is spare without that may be needed.
+    const bool acts = guess == PM_LOGGER_FREELY || guess >= PM_LOGGER_OPENS;
+    const bool keeps = !acts && (!pm_logger_hides(guess) || s->lean[s->best]);
     s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
     s->lean[s->count] = keeps && s->lean[s->best];
     s->found[s->count++] = keeps ? found_by_best(s) : NULL;
