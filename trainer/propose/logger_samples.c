@@ -279,6 +279,51 @@ static double answer(const pm_logger_samples *w, int c, int u) {
     return count >= FEWEST_JUMPS && changes > 0 ? product * product / (jumps * changes) : 0;
 }
 
+// Returns minus the logarithm of the likelihood of what input u moves, from differences of windows:
+// what is no linear function of the columns changes little from one to the next.
+static double misfit_of(pm_logger_samples *w, int u) {
+    const pm_logger_view *view = w->view;
+    bool used[PM_LOGGER_COLUMNS];
+    double sum = 0;
+    memset(used, true, sizeof used);
+    w->length = 0;
+    for (int c = 0; c < view->nvariable; ++c) {
+        if (view->share[c][u] > MOVES && view->column[c].source != NULL) {
+            sum += log(fmax(regress(w, c, used, true, NULL), DBL_MIN)) * w->nwindow / 2;
+        }
+    }
+    return sum;
+}
+
+// Finds which inputs explain clearly more of what they move when they act some rows later than
+// their samples say, or one row earlier.
+static void find_delays(pm_logger_samples *w) {
+    pm_logger_view *view = w->view;
+    const int n = view->dataset->ntime, most = n / SHORT < LATEST ? n / SHORT : LATEST;
+    double *value = w->sort;
+    for (int u = view->nvariable; u < view->ncolumn; ++u) {
+        double best = misfit_of(w, u) - CLEARLY;
+        for (int k = 0; k < w->nrow; ++k) {
+            value[k] = w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u];
+        }
+        for (int delay = -1; delay <= most; ++delay) {
+            for (int k = 0; k < w->nrow; ++k) {
+                const int at = k % n - delay, inside = at < 0 ? 0 : at < n ? at : n - 1;
+                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k - k % n + inside];
+            }
+            const double misfit = misfit_of(w, u);
+            if (misfit < best) {
+                best = misfit;
+                view->column[u].shows_delay = delay;
+            }
+        }
+        for (int k = 0; k < w->nrow; ++k) {
+            w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k];
+        }
+    }
+    w->length = 0;
+}
+
 // Regresses all variables on all columns.
 void pm_logger_regress_all(pm_logger_samples *w) {
     pm_logger_view *view = w->view;
@@ -325,51 +370,9 @@ void pm_logger_regress_all(pm_logger_samples *w) {
         }
         view->fastest = fmax(view->fastest, rate);
     }
-}
-
-// Returns minus the logarithm of the likelihood of what input u moves, from differences of windows:
-// what is no linear function of the columns changes little from one to the next.
-static double misfit_of(pm_logger_samples *w, int u) {
-    const pm_logger_view *view = w->view;
-    bool used[PM_LOGGER_COLUMNS];
-    double sum = 0;
-    memset(used, true, sizeof used);
-    w->length = 0;
-    for (int c = 0; c < view->nvariable; ++c) {
-        if (view->share[c][u] > MOVES && view->column[c].source != NULL) {
-            sum += log(fmax(regress(w, c, used, true, NULL), DBL_MIN)) * w->nwindow / 2;
-        }
+    if (w->seeks_delays) {
+        find_delays(w);
     }
-    return sum;
-}
-
-pm_status pm_logger_find_delays(pm_logger_samples *w) {
-    pm_logger_view *view = w->view;
-    const int n = view->dataset->ntime, most = n / SHORT < LATEST ? n / SHORT : LATEST;
-    double *value = pm_arena_array(&view->arena, (size_t)w->nrow, sizeof *value);
-    PM_TRY(pm_arena_status(&view->arena, "delays"));
-    for (int u = view->nvariable; u < view->ncolumn; ++u) {
-        double best = misfit_of(w, u) - CLEARLY;
-        for (int k = 0; k < w->nrow; ++k) {
-            value[k] = w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u];
-        }
-        for (int delay = -1; delay <= most; ++delay) {
-            for (int k = 0; k < w->nrow; ++k) {
-                const int at = k % n - delay, inside = at < 0 ? 0 : at < n ? at : n - 1;
-                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k - k % n + inside];
-            }
-            const double misfit = misfit_of(w, u);
-            if (misfit < best) {
-                best = misfit;
-                view->column[u].shows_delay = delay;
-            }
-        }
-        for (int k = 0; k < w->nrow; ++k) {
-            w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k];
-        }
-    }
-    w->length = 0;
-    return PM_OK;
 }
 
 // Fills the rows between the samples of columns that are sampled more rarely than the others.

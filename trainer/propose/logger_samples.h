@@ -22,6 +22,7 @@ typedef struct pm_logger_samples {
     double *window;
     int width; // nfeature + PM_LOGGER_COLUMNS + 1
     pm_least_squares *squares;
+    bool seeks_delays; // pm_logger_regress_all finds delays of inputs, too
 } pm_logger_samples;
 
 // Return the numbers of all columns at a sample, and its time in s, NaN after the end.
@@ -81,10 +82,5 @@ double pm_logger_regress(pm_logger_samples *w, int target, const bool *used, dou
 // Regresses all variables on all columns, and fills the view's couplings, shares, answers at
 // jumps and fastest rate.
 void pm_logger_regress_all(pm_logger_samples *w);
-
-// Finds, after pm_logger_regress_all, which inputs explain clearly more of what they move when they
-// act some rows later than their samples say, or one row earlier (shows_delay of the columns).
-// PM_ENOMEM.
-pm_status pm_logger_find_delays(pm_logger_samples *w);
 
 #endif

@@ -1544,10 +1544,8 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
         column->saturates = column->saturates && column->mate < 0 && column->source != NULL;
         view->hides = view->hides || column->saturates;
     }
+    w.seeks_delays = hints->delay == NULL && view->even;
     pm_logger_regress_all(&w);
-    if (hints->delay == NULL && view->even) {
-        PM_TRY_DONE(pm_logger_find_delays(&w));
-    }
     PM_TRY_DONE(pm_logger_find_guides(&w, true));
     for (int i = 0; i < view->npart; ++i) {
         view->thermometer[i] = -1;
