@@ -289,6 +289,35 @@ static void samples_are_held_or_joined(void **state) {
     }
 }
 
+// What acts two samples later, or half a sample earlier, so that each step between two samples has
+// the mean of both.
+static void samples_may_act_later(void **state) {
+    (void)state;
+    static const double sample[] = {2, 5, 3, -1, 7};
+    static const double later[] = {2, 2, 2, 5}, earlier[] = {3.5, 4, 1, 3};
+    for (int k = 0; k < 2; ++k) {
+        fixture f;
+        open_held(&f, k == 0 ? "previous, delay: 0.2" : "previous, delay: -0.05", 5, 0.1);
+        for (int j = 0; j < 5; ++j) {
+            pm_dataset_state(f.data, 0, j)[0] = sample[j];
+        }
+        follow_first(&f);
+        for (int j = 0; j < 4; ++j) {
+            check_at(&f, j, 0.5, k == 0 ? later[j] : earlier[j]);
+        }
+        close(&f);
+    }
+    fixture f;
+    open_held(&f, "smooth, delay: 0.2", 5, 0.1);
+    for (int j = 0; j < 5; ++j) {
+        pm_dataset_state(f.data, 0, j)[0] = 1 - j + j * j;
+    }
+    follow_first(&f);
+    check_at(&f, 1, 0.5, 1); // before the first sample
+    check_at(&f, 3, 0.5, 1 - 1.5 + 1.5 * 1.5);
+    close(&f);
+}
+
 // Times that are no multiples of dt: a jump acts for its part of the step, so that the impulse is
 // right, and the jump itself is where the sample is.
 static void a_step_has_the_mean_of_uneven_samples(void **state) {
@@ -365,6 +394,7 @@ int main(void) {
         cmocka_unit_test(what_cannot_be_followed),
         cmocka_unit_test(the_digest_tells_loads_apart),
         cmocka_unit_test(samples_are_held_or_joined),
+        cmocka_unit_test(samples_may_act_later),
         cmocka_unit_test(a_step_has_the_mean_of_uneven_samples),
         cmocka_unit_test(uneven_samples_are_interpolated),
         cmocka_unit_test(trajectories_may_be_short),
