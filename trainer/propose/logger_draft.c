@@ -694,7 +694,8 @@ static void write_losses(pm_logger_writer *w, int part) {
             const pm_logger_column *other = &v->column[j];
             if (other->part == part && pm_logger_is_coupled(v, i, j, true) &&
                 pm_logger_heated(v, i, j) < 0) {
-                fputs(next, w->model);
+                fputs(some ? next : first, w->model);
+                some = true;
                 pm_logger_write_rubbing(w, i, j, "a.", "a.");
             }
         }
