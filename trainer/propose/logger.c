@@ -550,8 +550,8 @@ static pm_status leave_delays(hidden_search *s) {
     s->what[from] = s->what[s->best];
     memcpy(s->what[from].delay, none, sizeof none);
     s->simpler[from] = true;
-    s->lean[from] = s->lean[s->best];
-    s->found[from] = found_by_best(s);
+    s->lean[from] = false; // what made up for the delay leads astray
+    s->found[from] = NULL;
     ++s->count;
     return try_guesses(s, from);
 }
