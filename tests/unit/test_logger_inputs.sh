@@ -1,10 +1,9 @@
 #!/bin/sh
-# test_logger_inputs.sh PORTMET_TRAIN: what inputs do beside driving one variable. They act later than they were logged, or
+# test_logger_inputs.sh PORTMET_TRAIN [short]: what inputs do beside driving one variable. They act later than they were logged, or
 # earlier; they move several velocities, as wheels do; and they fill a volume that a piston moves.
 . "$(dirname "$0")/../support/setting.sh"
 . "$(dirname "$0")/../support/logger_tables.sh"
-train=$1
-program=$train
+train=$1 program=$1 short=${2:-}
 
 # noisy NAME COLUMN...: noise of 0.3 % of 1 in these columns of the tables NAME_?.csv.
 noisy() {
@@ -25,6 +24,29 @@ shift_input() {
                   sub(/,[^,]*$/, "", line[k]); print line[k], u[at] } }' "$file" >"$folder/next" && mv "$folder/next" "$file"
     done
 }
+
+# A piston of 0.002 m^2 moves the volume of a chamber in another part, into which fluid flows, too.
+write piston 8 "v [m/s],x [m],V [L],Q [L/s]" \
+    "n = 3; driven = 1; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand()" \
+    "a = 9*(y[3] - 1.5) - 50*y[2] - 0.5*y[1]; y[1] += h*a; y[2] += h*y[1]; y[3] += h*(2*u - 2*y[1])"
+sed -i 's/Q \[L.s\]/Q [m^3\/s]/' "$folder"/piston_?.csv
+for file in "$folder"/piston_?.csv; do
+    awk -F, -v OFS=, 'NR > 1 { $5 *= 0.002 } { print }' "$file" >"$folder/next" && mv "$folder/next" "$file"
+done
+noisy piston 2 3 4
+succeed "Q [m^3/s]: an input; flows into V" propose --budget 0 --data "$folder"/piston_?.csv --inputs Q --part rod=v,x \
+    --part chamber=V -o "$folder/piston"
+succeed "Verdict: good" fit "$folder/piston/training.yaml" -o "$folder/piston/weights"
+
+# A body on a runner, held by a spring in the plane, whose velocities turn into each other.
+write runner 8 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
+    "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \
+    "y[1] += h*y[4]*cos(y[3]); y[2] += h*y[4]*sin(y[3]); y[3] += h*y[5]
+     f = -40*(y[1]*cos(y[3]) + y[2]*sin(y[3])); a = (10*u + f - 3*y[4] + 0.2*y[5]*y[5])/2
+     b = (-0.2*y[5] - 4*sin(y[3]) - 0.2*y[4]*y[5])/0.5; y[4] += h*a; y[5] += h*b"
+succeed "wrote" propose --budget 0 --data "$folder"/runner_?.csv --inputs F -o "$folder/runner"
+grep -q "gyration_v_w_by_w" "$folder/runner/training.yaml" || fail "propose: the velocities turn into each other"
+[ -n "$short" ] && finish # searches take ten times as long in slow builds
 
 # A motor of speed w turns a weight. Its torque acts 0.04 s later than logged, or was logged 0.02 s late.
 for rows in 2 -1; do
@@ -49,26 +71,4 @@ succeed "wrote" propose --budget 30 --data "$folder"/wheels_?.csv --inputs left,
 grep -q "[*] left: moves all velocities of its part; right: moves all velocities of its part" "$folder/wheels/training.yaml" ||
     fail "propose: both wheels move both velocities"
 succeed "Verdict: good" fit "$folder/wheels/training.yaml" -o "$folder/wheels/weights"
-
-# A piston of 0.002 m^2 moves the volume of a chamber in another part, into which fluid flows, too.
-write piston 8 "v [m/s],x [m],V [L],Q [L/s]" \
-    "n = 3; driven = 1; y[1] = rand() - 0.5; y[2] = 0.2*rand() - 0.1; y[3] = 1 + rand()" \
-    "a = 9*(y[3] - 1.5) - 50*y[2] - 0.5*y[1]; y[1] += h*a; y[2] += h*y[1]; y[3] += h*(2*u - 2*y[1])"
-sed -i 's/Q \[L.s\]/Q [m^3\/s]/' "$folder"/piston_?.csv
-for file in "$folder"/piston_?.csv; do
-    awk -F, -v OFS=, 'NR > 1 { $5 *= 0.002 } { print }' "$file" >"$folder/next" && mv "$folder/next" "$file"
-done
-noisy piston 2 3 4
-succeed "Q [m^3/s]: an input; flows into V" propose --budget 0 --data "$folder"/piston_?.csv --inputs Q --part rod=v,x \
-    --part chamber=V -o "$folder/piston"
-succeed "Verdict: good" fit "$folder/piston/training.yaml" -o "$folder/piston/weights"
-
-# A body on a runner, held by a spring in the plane, whose velocities turn into each other.
-write runner 8 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
-    "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \
-    "y[1] += h*y[4]*cos(y[3]); y[2] += h*y[4]*sin(y[3]); y[3] += h*y[5]
-     f = -40*(y[1]*cos(y[3]) + y[2]*sin(y[3])); a = (10*u + f - 3*y[4] + 0.2*y[5]*y[5])/2
-     b = (-0.2*y[5] - 4*sin(y[3]) - 0.2*y[4]*y[5])/0.5; y[4] += h*a; y[5] += h*b"
-succeed "wrote" propose --budget 0 --data "$folder"/runner_?.csv --inputs F -o "$folder/runner"
-grep -q "gyration_v_w_by_w" "$folder/runner/training.yaml" || fail "propose: the velocities turn into each other"
 finish
