@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/options.h"
@@ -17,6 +18,7 @@
 #include "propose/propose.h"
 
 #define ADVICE_SHARE 0.5 // of the CPU time of a fit, for what its models may lack
+#define TOLD 300000000 // ns that it takes, at most, until the first process has said why it failed
 
 // If the argument is a scene, proposes its training file and continues with that. The caller frees
 // *training.
@@ -163,8 +165,12 @@ static pm_status fit_in_team(pm_fit_arguments *a, const volatile sig_atomic_t *s
         status = fit(a, stop);
     }
     const bool together = pm_team_leave(&team, status != PM_OK);
-    return status != PM_OK && together && !pm_team_leads(&team) ? pm_fail(status, "%s", "")
-                                                                : status;
+    if (status == PM_OK || !together || pm_team_leads(&team)) {
+        return status;
+    }
+    // mpirun ends all when one has failed: the first one has time to say why.
+    nanosleep(&(struct timespec){.tv_nsec = TOLD}, NULL);
+    return pm_fail(status, "%s", "");
 }
 
 // The file that a training file names as its data may be a table. The caller frees *training, which
