@@ -13,8 +13,8 @@
 // A column is a polynomial over each step, and steps begin at samples: an integrator never crosses
 // a jump, and keeps its order. Where the times of a dataset are uneven, or no multiples of the
 // scene's dt, or a delay is no multiple of their distance, a run takes for `previous` the mean over
-// each step, so that the impulse of a force,
-// or the heat of a heater, is that of the jumps within the step.
+// each step, so that the impulse of a force, or the heat of a heater, is that of the jumps within
+// the step.
 //
 // Life cycle: zero-initialise; bind to a scene and a dataset; follow a trajectory; then ask for
 // values. All memory belongs to the arena given to bind.

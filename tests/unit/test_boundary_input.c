@@ -289,8 +289,8 @@ static void samples_are_held_or_joined(void **state) {
     }
 }
 
-// What acts two samples later, or half a sample earlier, so that each step between two samples has
-// the mean of both.
+// A column acts two samples later, or half a sample earlier: each step then has the mean of two
+// samples.
 static void samples_may_act_later(void **state) {
     (void)state;
     static const double sample[] = {2, 5, 3, -1, 7};

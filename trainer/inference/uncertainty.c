@@ -267,8 +267,8 @@ static double leave(size_t n, double *inverse, double *away, size_t k) {
     return moves * moves / (2 * variance);
 }
 
-// Leaves out the members of a group, of which `own` tells the kinds of the others, at the place
-// where k, the first of them, is zero.
+// Leaves out weight k, which is `to_zero` away from zero, and the weights that mean nothing without
+// it, which `own` tells (pm_uncertainty_spare) and which stay where they are.
 static void leave_group(size_t n, double *inverse, double *away, const unsigned char *own,
                         const bool *gone, size_t k, double to_zero) {
     for (size_t i = 0; i < n; ++i) {

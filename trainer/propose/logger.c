@@ -216,7 +216,7 @@ static void name_inputs(const pm_logger_view *v) {
     }
 }
 
-// What a trial supposes: guesses about columns and delays of inputs, by identifier, and laws.
+// A trial supposes guesses about columns and delays of inputs, by identifier, and laws.
 typedef struct hypothesis {
     pm_logger_guess guess[PM_LOGGER_COLUMNS];
     int delay[PM_LOGGER_COLUMNS]; // rows
@@ -372,7 +372,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     // A single guess gets at most half of the budget that is left, so that others can follow.
     // Several guesses share all of it.
     const double rest = s->hints->budget - s->spent;
-    // What begins where the best one ended takes about half of its time.
+    // A trial that begins where the best one ended takes about half of its time.
     const double each_takes = from > 0 ? s->trial[s->best].seconds / 2 : 0;
     while (s->count > from + 1 && (s->count - from) * each_takes > rest) {
         --s->count;
@@ -737,7 +737,7 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(try_again(s, true));
     PM_TRY(leave_out(s));
     const int first = s->best;
-    // What moves heat comes first where temperatures are predicted worst.
+    // Guesses about heat come first where temperatures are predicted worst.
     PM_TRY(is_warm(s) ? find_columns(s, SEEN) : PM_OK);
     if (!s->short_of_time) {
         PM_TRY(find_laws(s, 1));

@@ -1416,7 +1416,7 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             const int from = base[c];
             const pm_unit other = pm_unit_parse(from < 0 || unit == NULL ? "" : unit[from]);
             for (int k = 0; k < w->nrow; ++k) {
-                // What an input is before its first sample and behind its last one.
+                // An input keeps its first sample before it, and its last one behind it.
                 const int at = k % d->ntime - column->delay, inside = at < 0 ? 0
                                                                       : at < d->ntime
                                                                           ? at
