@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/linalg.h"
+#include "base/lanes.h"
 #include "base/simd.h"
 #include "data/trained.h"
 #include "graph/program.h"
@@ -18,9 +18,14 @@ typedef struct jacobian {
     pm_program *program;
     bool outermost; // items are; else they are innermost (pm_program_open_lanes)
     pm_node z, input, stretch, value;
-    int size;          // components of the value
-    pm_node *by_z;     // [size], PM_NO_NODE where independent
-    pm_node *by_entry; // [size][nentry] likewise
+    int size;            // components of the value
+    const double **by_z; // [size] a row of the Jacobian at item 0, NULL where independent
+    int ncell;           // numbers that depend on weights
+    struct cell {
+        const double *value; // at item 0
+        int stride;          // to the next item
+        int at;              // row*nweight + weight
+    } * cell;
 } jacobian;
 
 // An implicit method is a method of one stage, whose rate is the change over the whole step.
@@ -80,12 +85,10 @@ static pm_status build_step(pm_graph *g, const pm_sensitivity *f, jacobian *j, p
 static pm_status open_jacobian(pm_graph *g, pm_sensitivity *f, jacobian *j, pm_arena *scratch) {
     j->size = pm_graph_shape(g, j->value).cols;
     const size_t n = (size_t)f->nentry + 1, cells = (size_t)j->size * n + 1;
-    j->by_z = pm_arena_array(&f->arena, (size_t)j->size, sizeof *j->by_z);
-    j->by_entry = pm_arena_array(&f->arena, cells, sizeof *j->by_entry);
+    size_t numbers = 0;
     pm_node *leaf = pm_arena_array(scratch, n, sizeof *leaf);
-    pm_node *row = pm_arena_array(scratch, n, sizeof *row);
+    pm_node *row = pm_arena_array(scratch, cells, sizeof *row);
     pm_node *output = pm_arena_array(scratch, cells, sizeof *output);
-    PM_TRY(pm_arena_status(&f->arena, "a Jacobian"));
     PM_TRY(pm_arena_status(scratch, "a Jacobian"));
     int count = 0;
     output[count++] = j->value;
@@ -94,20 +97,40 @@ static pm_status open_jacobian(pm_graph *g, pm_sensitivity *f, jacobian *j, pm_a
         leaf[i] = pm_weight(g, entry->value, entry->rows, entry->cols);
     }
     leaf[f->nentry] = j->z;
+    for (size_t i = 0; i < cells; ++i) {
+        row[i] = PM_NO_NODE;
+    }
     for (int r = 0; r < j->size && f->derivatives; ++r) {
-        pm_gradient(g, pm_slice(g, j->value, r, 1), PM_NO_NODE, f->nentry + 1, leaf, row);
-        j->by_z[r] = row[f->nentry];
-        memcpy(j->by_entry + (ptrdiff_t)r * f->nentry, row, (size_t)f->nentry * sizeof *row);
+        pm_node *own = row + (size_t)r * n;
+        pm_gradient(g, pm_slice(g, j->value, r, 1), PM_NO_NODE, f->nentry + 1, leaf, own);
         for (int i = 0; i <= f->nentry; ++i) {
-            if (row[i] != PM_NO_NODE) {
-                output[count++] = row[i];
+            if (own[i] != PM_NO_NODE) {
+                output[count++] = own[i];
+                numbers += i < f->nentry ? (size_t)f->trained[i].size : 0;
             }
         }
     }
     PM_TRY(pm_program_open_lanes(&j->program, g, count, output, PM_SENSITIVITY_BATCH));
     j->outermost = j->program == NULL;
-    return j->outermost ? pm_program_open(&j->program, g, count, output, PM_SENSITIVITY_BATCH)
-                        : PM_OK;
+    PM_TRY(j->outermost ? pm_program_open(&j->program, g, count, output, PM_SENSITIVITY_BATCH)
+                        : PM_OK);
+    j->by_z = pm_arena_array(&f->arena, (size_t)j->size, sizeof *j->by_z);
+    j->cell = pm_arena_array(&f->arena, numbers + 1, sizeof *j->cell);
+    PM_TRY(pm_arena_status(&f->arena, "a Jacobian"));
+    for (int i = 0; i < j->size * (int)n; ++i) {
+        const int r = i / (int)n, k = i % (int)n;
+        const double *value = row[i] == PM_NO_NODE ? NULL : pm_program_value(j->program, row[i]);
+        if (k == f->nentry) {
+            j->by_z[r] = value;
+        }
+        for (int c = 0; k < f->nentry && value != NULL && c < f->trained[k].size; ++c) {
+            j->cell[j->ncell++] = (struct cell){
+                .value = value + (ptrdiff_t)c * (j->outermost ? 1 : PM_SENSITIVITY_BATCH),
+                .stride = j->outermost ? f->trained[k].size : 1,
+                .at = r * f->nweight + f->trained[k].first + c};
+        }
+    }
+    return PM_OK;
 }
 
 static pm_status build(pm_sensitivity *f, jacobian *j) {
@@ -265,37 +288,56 @@ static void run(pm_sensitivity *f, jacobian *j, int count, pm_sensitivity_item *
     pm_program_run(j->program, j->outermost ? count : PM_SENSITIVITY_BATCH);
 }
 
+// Computes WIDTH columns of a row of a product, which stay in registers.
+#define ADD_COLUMNS(WIDTH)                                \
+    {                                                     \
+        double sum[WIDTH] = {0};                          \
+        for (int l = 0; l < k; ++l) {                     \
+            const double factor = a[l];                   \
+            const double *row = b + (ptrdiff_t)l * n + j; \
+            if (factor == 0) {                            \
+                continue;                                 \
+            }                                             \
+            for (int x = 0; x < (WIDTH); ++x) {           \
+                sum[x] += factor * row[x];                \
+            }                                             \
+        }                                                 \
+        memcpy(c + j, sum, sizeof sum);                   \
+        j += (WIDTH);                                     \
+    }
+
+// Computes c [m][n] = a b with a [m][k], many of whose entries are zero.
+PM_SIMD_CLONES static void multiply(int m, int n, int k, const double *a, const double *b,
+                                    double *restrict c) {
+    for (int i = 0; i < m; ++i, a += k, c += n) {
+        int j = 0;
+        while (j + 4 * PM_LANES <= n) {
+            ADD_COLUMNS(4 * PM_LANES)
+        }
+        while (j + PM_LANES <= n) {
+            ADD_COLUMNS(PM_LANES)
+        }
+        while (j < n) {
+            ADD_COLUMNS(1)
+        }
+    }
+}
+
 // Multiplies the Jacobian a, b of a program's last run at item i by the derivatives of a state:
 // out_start = a by_start, out_weights = a by_weights + b.
 static void chain(const pm_sensitivity *f, const jacobian *j, int i, const double *by_start,
                   const double *by_weights, double *out_start, double *out_weights) {
-    const size_t nz = (size_t)f->nz;
+    const ptrdiff_t nz = f->nz, stride = j->outermost ? 1 : PM_SENSITIVITY_BATCH;
     for (int r = 0; r < j->size; ++r) {
-        double *a = f->a + (size_t)r * nz;
-        if (j->by_z[r] == PM_NO_NODE) {
-            memset(a, 0, nz * sizeof *a);
-        } else {
-            get(j, j->by_z[r], f->nz, i, a);
+        const double *from = j->by_z[r] + (j->by_z[r] == NULL ? 0 : i * (j->outermost ? nz : 1));
+        for (ptrdiff_t c = 0; c < nz; ++c) {
+            f->a[r * nz + c] = from == NULL ? 0 : from[c * stride];
         }
     }
-    pm_gemm(false, false, j->size, f->nz, f->nz, f->a, by_start, out_start);
-    if (f->nweight > 0) {
-        pm_gemm(false, false, j->size, f->nweight, f->nz, f->a, by_weights, out_weights);
-    }
-    for (int r = 0; r < j->size; ++r) {
-        for (int k = 0; k < f->nentry; ++k) {
-            const pm_node node = j->by_entry[(ptrdiff_t)r * f->nentry + k];
-            const pm_trained *own = &f->trained[k];
-            double *out = out_weights + (ptrdiff_t)r * f->nweight + own->first;
-            if (node == PM_NO_NODE) {
-                continue;
-            }
-            const double *b =
-                pm_program_value(j->program, node) + (ptrdiff_t)i * (j->outermost ? own->size : 1);
-            for (ptrdiff_t c = 0; c < own->size; ++c) {
-                out[c] += b[c * (j->outermost ? 1 : PM_SENSITIVITY_BATCH)];
-            }
-        }
+    multiply(j->size, f->nz, f->nz, f->a, by_start, out_start);
+    multiply(j->size, f->nweight, f->nz, f->a, by_weights, out_weights);
+    for (const struct cell *c = j->cell; c < j->cell + j->ncell; ++c) {
+        out_weights[c->at] += c->value[(ptrdiff_t)i * c->stride];
     }
 }
 
@@ -450,12 +492,9 @@ static void follow_path(pm_sensitivity *f, int id, pm_sensitivity_item *item, co
                       f->by_weights);
             }
             const pm_sensitivity_item *step = steps[k - first];
-            pm_gemm(false, false, f->nz, f->nz, f->nz, step->by_start, item->by_start, f->stage);
+            multiply(f->nz, f->nz, f->nz, step->by_start, item->by_start, f->stage);
             memcpy(item->by_start, f->stage, square * sizeof *f->stage);
-            if (cells > 0) {
-                pm_gemm(false, false, f->nz, f->nweight, f->nz, step->by_start, item->by_weights,
-                        f->stage);
-            }
+            multiply(f->nz, f->nweight, f->nz, step->by_start, item->by_weights, f->stage);
             for (size_t c = 0; c < cells; ++c) {
                 item->by_weights[c] = f->stage[c] + step->by_weights[c];
             }
