@@ -104,7 +104,7 @@ static bool has_effect(const pm_logger_view *v, int input, int part, pm_logger_e
 
 // Returns true if heat leaves through an input: it acts through a resistance, opens one between two
 // co-energies, or cools. *bath, unless it is NULL, receives the temperature at which it leaves, as
-// the scene has it.
+// the scene has it: that of the input, if it is a bath elsewhere.
 static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[PM_LOGGER_TEXT]) {
     bool takes =
         has_effect(v, input, part, PM_LOGGER_THROUGH, PM_LOGGER_COOLS) || gates(v, input, part);
@@ -122,6 +122,7 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[P
             enters = action->enters > 0 ? action->enters : enters;
         }
     }
+    enters = has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? input : enters;
     if (bath != NULL && enters > 0) {
         char hold[PM_LOGGER_TEXT];
         write_hold(v, &v->column[enters], hold);
@@ -132,11 +133,24 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[P
     return takes;
 }
 
-// Lists the groups of the boundary input of an input: x carries energy, s entropy, z what falls.
+// Lists the groups of the boundary input of an input, for a part or for all (-1): x carries energy,
+// s entropy, z what falls.
 static const char *groups_of(const pm_logger_view *v, int input, int part) {
-    return gates(v, input, part)                                        ? "x, s, z"
-           : has_effect(v, input, part, PM_LOGGER_BATH, PM_LOGGER_BATH) ? "s"
-           : has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ||
+    bool bath = false, other = false;
+    for (int a = 0; a < v->naction; ++a) {
+        const pm_logger_action *action = &v->action[a];
+        const bool acts =
+            action->input == input && (part < 0 || v->column[action->target].part == part);
+        bath = bath || (acts && action->effect == PM_LOGGER_BATH);
+        other = other || (acts && action->effect != PM_LOGGER_BATH);
+    }
+    for (int k = 0; k < v->nconverter; ++k) {
+        const pm_logger_converter *c = &v->converter[k];
+        other = other || (c->input == input && (part < 0 || v->column[c->one].part == part));
+    }
+    return gates(v, input, part) ? "x, s, z"
+           : !other              ? "s"
+           : bath || has_effect(v, input, part, PM_LOGGER_HEATS, PM_LOGGER_WARMS) ||
                    takes_heat(v, input, part, NULL)
                ? "x, s"
                : "x";

@@ -308,8 +308,8 @@ static void find_delays(pm_logger_samples *w) {
         }
         for (int delay = -1; delay <= most; ++delay) {
             for (int k = 0; k < w->nrow; ++k) {
-                const int at = k % n - delay, inside = at < 0 ? 0 : at < n ? at : n - 1;
-                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] = value[k - k % n + inside];
+                w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + u] =
+                    value[pm_logger_earlier(k, delay, n)];
             }
             const double misfit = misfit_of(w, u);
             if (misfit < best) {

@@ -34,6 +34,13 @@ static inline double pm_logger_time(const pm_logger_samples *w, int trajectory, 
     return w->time[(ptrdiff_t)trajectory * w->view->dataset->ntime + sample];
 }
 
+// Returns which of all samples, `ntime` of each trajectory, a column has at sample `k` that is so
+// many rows late. It keeps the first and the last one of a trajectory before and behind it.
+static inline int pm_logger_earlier(int k, int delay, int ntime) {
+    const int at = k % ntime - delay;
+    return k - k % ntime + (at < 0 ? 0 : at < ntime ? at : ntime - 1);
+}
+
 // Returns by how much the mean of a smooth function over the interval after a sample differs from
 // that of both ends, whose values are y[1] and y[2]; y[0] and y[3] are those before and after. With
 // it integrals are those of cubic polynomials, since a trapezium is too coarse for few samples in a

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #define MOST (1 + PM_LOGGER_COLUMNS + 63) // terms of a regression
+#define SPACE 3                           // dimensions
 #define FEWEST_HARMONICS 2
 #define MOST_HARMONICS 6
 #define KEPT_BACK 5 // each fifth trajectory judges
@@ -28,6 +29,7 @@
 #define DAMPED 10        // times what chance would explain
 #define SPRING 1e-3      // of the changes of a velocity that another position explains, by a spring
 #define LEVERS_AGREE 0.1 // relative difference of two levers that are the same
+#define HELD 0.2         // of what distances explain: where a body is tells no more of its motion
 #define PUSHES 0.1       // of the root mean square rate: a constant rate that is smaller is none
 #define LIKELY 2         // guesses about an input that are tried
 #define WEAKER 0.8       // of the coefficient of another input of the same unit
@@ -570,58 +572,21 @@ static bool turns_into(const pm_logger_samples *w, int i, int j, equations *work
     return gain > GAINS && gain > pull_of(w, i, work);
 }
 
-pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
-    pm_logger_view *v = w->view;
-    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
-    PM_TRY(pm_arena_status(&v->arena, "regressions"));
-    for (int i = 0; i < v->nvariable && coupled; ++i) {
-        term_list known = {0};
-        double x[MOST];
-        bool keep[MOST];
-        add_known(v, &known, i);
-        if (!(gain_of(w, i, &known, 0, work, x) > GAINS)) {
-            continue;
-        }
-        if (pm_logger_is_rigid(v, i)) { // the others begin with mean slopes
-            set_couplings(v, i, x);
-        }
-        memset(keep, true, sizeof keep);
-        const double rest = rest_of_some(work, keep, work + 2, x);
-        v->column[i].unexplained = rest;
-        // Beside springs, friction between velocities shows better; all else as well without them.
-        for (int j = 0; j < v->ncolumn; ++j) {
-            keep[1 + j] = false;
-            v->share[i][j] = pm_logger_is_rigid(v, i) || pm_logger_is_velocity(&v->column[j])
-                                 ? rest_of_some(work, keep, work + 2, x) - rest
-                                 : v->share[i][j];
-            keep[1 + j] = true;
-        }
+// Finds how much of the changes of variable i each velocity, or each column, explains beside the
+// terms of these equations [4], of which the last two are overwritten.
+static void share_beside(pm_logger_view *v, int i, bool all, equations *e) {
+    double x[MOST];
+    bool keep[MOST];
+    memset(keep, true, sizeof keep);
+    const double rest = rest_of_some(e, keep, e + 2, x);
+    v->column[i].unexplained = rest;
+    for (int j = 0; j < v->ncolumn; ++j) {
+        keep[1 + j] = false;
+        v->share[i][j] = all || pm_logger_is_velocity(&v->column[j])
+                             ? rest_of_some(e, keep, e + 2, x) - rest
+                             : v->share[i][j];
+        keep[1 + j] = true;
     }
-    const pm_unit length = pm_unit_parse("m"), volume = pm_unit_parse("m^3");
-    for (int q = 0; q < v->nvariable && !coupled; ++q) {
-        const pm_logger_column *place = &v->column[q];
-        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length) ||
-                                pm_unit_equal(&place->dimension, &volume))) {
-            find_guide(w, q, work);
-        }
-    }
-    // Two velocities turn into each other only if one of them is not the rate of a position.
-    // Otherwise an inertia that depends on positions has the same effect.
-    for (int i = 0; i < v->nvariable && !coupled; ++i) {
-        for (int j = i + 1; j < v->nvariable; ++j) {
-            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
-            const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
-                              v->column[b->mate].guided;
-            if (free && a->part == b->part && pm_logger_is_velocity(a) &&
-                pm_logger_is_velocity(b)) {
-                bool bends[2];
-                const bool one = turns_into(w, i, j, work, &bends[0]);
-                const bool other = turns_into(w, j, i, work, &bends[1]);
-                v->gyrates[i][j] = (one || other) && !bends[0] && !bends[1];
-            }
-        }
-    }
-    return PM_OK;
 }
 
 // Adds products of a factor with all positions of a part, or with angles alone.
@@ -661,52 +626,249 @@ static void add_squares(const pm_logger_view *v, term_list *list, int part) {
     }
 }
 
-// Returns true if lengths q and r of a part store energy together, as a spring in the plane does: a
-// product of both in their forces explains more than a spring between them.
-static bool stores_both(const pm_logger_samples *w, int q, int r, equations *work) {
+// Lengths of a part, in which a body may move in the plane or in space.
+typedef struct axes {
+    int count;
+    int length[SPACE];
+} axes;
+
+// Returns true if lengths of a part store energy together, as a spring in the plane does: products
+// of them in the force on velocity i explain more than springs between them.
+static bool stores_on(const pm_logger_samples *w, const axes *a, int i, equations *work) {
     const pm_logger_view *v = w->view;
-    for (int i = 0; i < v->nvariable; ++i) {
-        // By a spring between them, by products, by an inertia that depends on them.
-        double gain[3] = {0};
-        for (int k = 0; k < 3; ++k) {
-            term_list forces = {0};
-            int known = 0;
-            for (int pass = 0; pass < 2; ++pass) {
-                for (int end = 0; end < 2; ++end) {
-                    const int own = end == 0 ? q : r, other = end == 0 ? r : q;
-                    const atom x = {.column = own, .kind = VALUE};
-                    const atom y = {.column = other, .kind = VALUE};
-                    const atom xx = {.column = own, .kind = SQUARE};
-                    const atom yy = {.column = other, .kind = SQUARE};
-                    const atom d = {.column = own, .kind = APART, .other = other};
-                    if (pass == 0) {
-                        add_force(v, &forces, i, x, (atom){0}, own);
-                        add_force(v, &forces, i, xx, (atom){0}, own);
-                        add_force(v, &forces, i, xx, x, own);
-                        add_force(v, &forces, i, y, (atom){0}, own);
-                        known = forces.count;
-                    } else if (k == 0 && !v->column[own].guided && v->column[own].mate == i &&
-                               forces.count + 1 < MOST) {
-                        forces.item[forces.count++] = (regressor){{d, d}};
-                        forces.item[forces.count++] = (regressor){{d, d, d}};
-                    } else if (k == 1) {
-                        const atom near = {.column = own, .kind = NEAR, .other = other};
-                        add_force(v, &forces, i, x, yy, own);
-                        add_force(v, &forces, i, x, y, own);
-                        add_force(v, &forces, i, x, near, own);
-                    }
+    // By springs between them, by products, by an inertia that depends on them.
+    double gain[3] = {0};
+    bool guided = false;
+    for (int m = 0; m < a->count; ++m) {
+        guided = guided || v->column[a->length[m]].guided;
+    }
+    for (int k = 0; k < 3; ++k) {
+        term_list forces = {0};
+        int known = 0;
+        for (int pass = 0; pass < 2; ++pass) {
+            for (int m = 0; m < a->count * a->count; ++m) {
+                const int own = a->length[m / a->count], other = a->length[m % a->count];
+                const atom x = {.column = own, .kind = VALUE};
+                const atom y = {.column = other, .kind = VALUE};
+                const atom xx = {.column = own, .kind = SQUARE};
+                const atom yy = {.column = other, .kind = SQUARE};
+                const atom d = {.column = own, .kind = APART, .other = other};
+                if (pass == 0 && own == other) {
+                    add_force(v, &forces, i, x, (atom){0}, own);
+                    add_force(v, &forces, i, xx, (atom){0}, own);
+                    add_force(v, &forces, i, xx, x, own);
+                } else if (pass == 0) {
+                    add_force(v, &forces, i, y, (atom){0}, own);
+                } else if (own != other && k == 0 && !v->column[own].guided &&
+                           v->column[own].mate == i && forces.count + 1 < MOST) {
+                    forces.item[forces.count++] = (regressor){{d, d}};
+                    forces.item[forces.count++] = (regressor){{d, d, d}};
+                } else if (own != other && k == 1) {
+                    const atom near = {.column = own, .kind = NEAR, .other = other};
+                    add_force(v, &forces, i, x, yy, own);
+                    add_force(v, &forces, i, x, y, own);
+                    add_force(v, &forces, i, x, near, own);
                 }
             }
-            if (k == 2 && known > 0 && !v->column[q].guided && !v->column[r].guided) {
-                add_squares(v, &forces, v->column[q].part);
-            }
-            gain[k] = forces.count > known ? gain_of(w, i, &forces, known, work, NULL) : 0;
+            known = pass == 0 ? forces.count : known;
         }
-        if (gain[1] > GAINS && gain[1] > gain[0] && gain[1] > gain[2]) {
-            return true;
+        if (k == 2 && known > 0 && !guided) {
+            add_squares(v, &forces, v->column[a->length[0]].part);
+        }
+        gain[k] = forces.count > known ? gain_of(w, i, &forces, known, work, NULL) : 0;
+    }
+    return gain[1] > GAINS && gain[1] > gain[0] && gain[1] > gain[2];
+}
+
+// Returns true if one velocity at least shows that two lengths store energy together.
+static bool stores_both(const pm_logger_samples *w, int q, int r, equations *work) {
+    const axes pair = {.count = 2, .length = {q, r}};
+    bool stores = false;
+    for (int i = 0; i < w->view->nvariable && !stores; ++i) {
+        stores = stores_on(w, &pair, i, work);
+    }
+    return stores;
+}
+
+// Adds what a spring along the distance of a body from its centre, or from another one, does to
+// the body along its axis `k`: products of the three lengths.
+static void add_distance(term_list *list, const axes *a, const axes *from, int k) {
+    for (int m = 0; m < a->count && list->count < MOST; ++m) {
+        atom d[2];
+        for (int n = 0; n < 2; ++n) {
+            const int axis = n == 0 ? k : m;
+            d[n] = (atom){.column = a->length[axis],
+                          .kind = from == NULL ? VALUE : APART,
+                          .other = from == NULL ? 0 : from->length[axis]};
+        }
+        list->item[list->count++] = (regressor){{d[0], d[1], d[1]}};
+    }
+}
+
+// Finds whether a spring acts between two bodies that are measured in the same frame: distances
+// between them explain what moves both along all axes. It belongs to the one whose own place tells
+// less.
+static void find_tether(const pm_logger_samples *w, const axes *a, const axes *b, equations *work) {
+    pm_logger_view *v = w->view;
+    double apart[2] = {0}, alone[2] = {0}, least = INFINITY;
+    for (int m = 0; m < 2 * a->count; ++m) {
+        const int end = m % 2, k = m / 2;
+        const axes *one = end == 0 ? a : b, *other = end == 0 ? b : a;
+        for (int n = 0; n < 2; ++n) {
+            term_list forces = {0};
+            add_distance(&forces, one, n == 0 ? NULL : other, k);
+            const int known = forces.count;
+            add_distance(&forces, one, n == 0 ? other : NULL, k);
+            const double gain =
+                gain_of(w, v->column[one->length[k]].mate, &forces, known, work, NULL);
+            *(n == 0 ? &apart[end] : &alone[end]) += gain;
+            least = n == 0 ? fmin(least, gain) : least;
         }
     }
-    return false;
+    const int end = alone[1] * apart[0] > alone[0] * apart[1] ? 0 : 1;
+    const axes *one = end == 0 ? a : b, *other = end == 0 ? b : a;
+    for (int k = 0; k < a->count; ++k) {
+        v->tethered[one->length[k]][other->length[k]] =
+            apart[0] > GAINS && apart[1] > GAINS && alone[end] < HELD * apart[end];
+    }
+}
+
+// Finds which lengths store energy together, as those of a body in the plane or in space do.
+static void find_bodies(pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    axes body[PM_LOGGER_PARTS] = {{0}};
+    for (int part = 0; part < v->npart; ++part) {
+        // Two or three lengths with velocities may be the axes of one body.
+        axes *a = &body[part];
+        bool one = true;
+        for (int q = 0; q < v->nvariable && one; ++q) {
+            const pm_logger_column *x = &v->column[q];
+            if (x->kind == PM_LOGGER_POSITION && !x->angle && x->part == part) {
+                one = a->count < SPACE && !x->guided && v->column[x->mate].part == part &&
+                      (a->count == 0 ||
+                       pm_unit_equal(&x->dimension, &v->column[a->length[0]].dimension));
+                a->length[one ? a->count++ : 0] = q;
+            }
+        }
+        a->count = one && a->count > 1 ? a->count : 0;
+        bool stores = a->count == SPACE;
+        for (int k = 0; k < a->count && stores; ++k) {
+            stores = stores_on(w, a, v->column[a->length[k]].mate, work);
+        }
+        for (int k = 0; k < a->count * a->count && stores; ++k) {
+            const int q = a->length[k / a->count], r = a->length[k % a->count];
+            v->central[q][r] = q < r;
+        }
+    }
+    for (int q = 0; q < v->nvariable; ++q) {
+        for (int r = q + 1; r < v->nvariable; ++r) {
+            const pm_logger_column *a = &v->column[q], *b = &v->column[r];
+            v->central[q][r] =
+                v->central[q][r] ||
+                (a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION && !a->angle &&
+                 !b->angle && a->part == b->part && pm_unit_equal(&a->dimension, &b->dimension) &&
+                 stores_both(w, q, r, work));
+        }
+    }
+    // In space the third length may hide what two of them store.
+    for (int s = 0; s < v->nvariable; ++s) {
+        for (int q = 0; q < v->nvariable; ++q) {
+            for (int r = q + 1; r < v->nvariable; ++r) {
+                const bool first = v->central[q][s] || v->central[s][q];
+                v->central[q][r] =
+                    v->central[q][r] || (first && (v->central[r][s] || v->central[s][r]));
+            }
+        }
+    }
+    for (int one = 0; one < v->npart; ++one) {
+        for (int two = one + 1; two < v->npart; ++two) {
+            const axes *a = &body[one], *b = &body[two];
+            bool same = a->count > 0 && a->count == b->count;
+            for (int i = 0; i < v->nvariable && same; ++i) {
+                for (int k = 0; k < a->count; ++k) {
+                    same = same && v->moves[a->length[k]][i] == 0 && v->moves[b->length[k]][i] == 0;
+                }
+            }
+            if (same) {
+                find_tether(w, a, b, work);
+            }
+        }
+    }
+    for (int part = 0; part < v->npart; ++part) {
+        axes *a = &body[part];
+        for (int k = 0; k < a->count; ++k) {
+            a->count = pm_logger_leader(v, a->length[k]) == a->length[0] ? a->count : 0;
+        }
+    }
+    // What else changes a velocity shows better beside what moves the bodies.
+    for (int i = 0; i < v->nvariable; ++i) {
+        term_list forces = {0};
+        double x[MOST];
+        for (int m = 0; m < v->npart * SPACE; ++m) {
+            const axes *a = &body[m / SPACE];
+            const int k = m % SPACE, q = k < a->count ? a->length[k] : 0;
+            if (k < a->count && (v->column[q].mate == i || v->moves[q][i] != 0)) {
+                add_distance(&forces, a, NULL, k);
+            }
+        }
+        if (gain_of(w, i, &forces, 0, work, x) > GAINS) {
+            share_beside(v, i, true, work);
+            for (int j = 0; j < v->nvariable; ++j) {
+                const pm_logger_column *y = &v->column[j];
+                v->coupling[i][j] = pm_logger_is_velocity(y)
+                                        ? x[1 + j] / (y->deviation > 0 ? y->deviation : 1)
+                                        : v->coupling[i][j];
+            }
+            v->column[i].decay = -v->coupling[i][i];
+        }
+    }
+}
+
+pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled) {
+    pm_logger_view *v = w->view;
+    equations *work = pm_arena_array(&v->arena, 4, sizeof *work);
+    PM_TRY(pm_arena_status(&v->arena, "regressions"));
+    for (int i = 0; i < v->nvariable && coupled; ++i) {
+        term_list known = {0};
+        double x[MOST];
+        add_known(v, &known, i);
+        if (!(gain_of(w, i, &known, 0, work, x) > GAINS)) {
+            continue;
+        }
+        if (pm_logger_is_rigid(v, i)) { // the others begin with mean slopes
+            set_couplings(v, i, x);
+        }
+        // Beside springs, friction between velocities shows better; all else as well without them.
+        share_beside(v, i, pm_logger_is_rigid(v, i), work);
+    }
+    const pm_unit length = pm_unit_parse("m"), volume = pm_unit_parse("m^3");
+    for (int q = 0; q < v->nvariable && !coupled; ++q) {
+        const pm_logger_column *place = &v->column[q];
+        if (place->mate < 0 && (may_be_place(place) || pm_unit_equal(&place->dimension, &length) ||
+                                pm_unit_equal(&place->dimension, &volume))) {
+            find_guide(w, q, work);
+        }
+    }
+    // Two velocities turn into each other only if one of them is not the rate of a position.
+    // Otherwise an inertia that depends on positions has the same effect.
+    for (int i = 0; i < v->nvariable && !coupled; ++i) {
+        for (int j = i + 1; j < v->nvariable; ++j) {
+            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+            const bool free = a->mate < 0 || v->column[a->mate].guided || b->mate < 0 ||
+                              v->column[b->mate].guided;
+            if (free && a->part == b->part && pm_logger_is_velocity(a) &&
+                pm_logger_is_velocity(b)) {
+                bool bends[2];
+                const bool one = turns_into(w, i, j, work, &bends[0]);
+                const bool other = turns_into(w, j, i, work, &bends[1]);
+                v->gyrates[i][j] = (one || other) && !bends[0] && !bends[1];
+            }
+        }
+    }
+    if (coupled) {
+        find_bodies(w, work);
+    }
+    return PM_OK;
 }
 
 // --- what moves co-energies ---
@@ -1316,23 +1478,8 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
     find_levers(w);
     for (int q = 0; q < v->nvariable; ++q) {
         for (int r = q + 1; r < v->nvariable; ++r) {
-            const pm_logger_column *a = &v->column[q], *b = &v->column[r];
-            v->central[q][r] = a->kind == PM_LOGGER_POSITION && b->kind == PM_LOGGER_POSITION &&
-                               !a->angle && !b->angle && a->part == b->part &&
-                               pm_unit_equal(&a->dimension, &b->dimension) &&
-                               stores_both(w, q, r, work);
             if (v->central[q][r]) {
                 find_tides(w, q, r, work);
-            }
-        }
-    }
-    // In space the third length may hide what two of them store.
-    for (int s = 0; s < v->nvariable; ++s) {
-        for (int q = 0; q < v->nvariable; ++q) {
-            for (int r = q + 1; r < v->nvariable; ++r) {
-                const bool first = v->central[q][s] || v->central[s][q];
-                v->central[q][r] =
-                    v->central[q][r] || (first && (v->central[r][s] || v->central[s][r]));
             }
         }
     }

@@ -10,8 +10,9 @@
 
 // Makes columns positions if velocities explain their rates with factors that are functions of
 // angles, or of pure numbers such as the components of a direction; and finds velocities that turn
-// into each other. The kinds of other positions must be known. Once all `coupled` are, corrects
-// what else changes velocities, beside their springs and beside what turns them. PM_ENOMEM.
+// into each other. The kinds of other positions must be known. Once all `coupled` are, finds which
+// lengths store energy together, as those of a body in the plane or in space do, and corrects what
+// else changes velocities, beside their springs and beside what turns them. PM_ENOMEM.
 pm_status pm_logger_find_guides(pm_logger_samples *w, bool coupled);
 
 // Finds these dependences and writes them to the view, whose columns, actions and couplings must be

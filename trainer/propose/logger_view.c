@@ -1184,6 +1184,7 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
     const bool both = (flows[0] || a->kind == PM_LOGGER_LEVEL) && // a pipe fills a tank
                       (flows[1] || b->kind == PM_LOGGER_LEVEL) && (flows[0] || flows[1]);
     return both && same == same_kind && (same || a->mate < 0 || b->mate < 0) &&
+           !(same_kind && (view->circles[i][j] || view->circles[j][i])) &&
            (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j]);
 }
 
@@ -1416,12 +1417,8 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             const int from = base[c];
             const pm_unit other = pm_unit_parse(from < 0 || unit == NULL ? "" : unit[from]);
             for (int k = 0; k < w->nrow; ++k) {
-                // An input keeps its first sample before it, and its last one behind it.
-                const int at = k % d->ntime - column->delay, inside = at < 0 ? 0
-                                                                      : at < d->ntime
-                                                                          ? at
-                                                                          : d->ntime - 1;
-                const double *row = d->z + (ptrdiff_t)(k - k % d->ntime + inside) * d->ncolumn;
+                const double *row =
+                    d->z + (ptrdiff_t)pm_logger_earlier(k, column->delay, d->ntime) * d->ncolumn;
                 w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + view->ncolumn] =
                     own.factor * row[c] + own.offset -
                     (from < 0 ? 0 : other.factor * row[from] + other.offset);
@@ -1603,6 +1600,10 @@ static bool measure_distances(const pm_logger_view *v, const pm_logger_hints *hi
                 meets = meets || pm_logger_has_ends(v->idle[k], one, other);
             }
             spring[q][p] = meets && pm_logger_is_linked(v, q, p);
+            if (meets && v->tethered[q][p]) {
+                base[v->column[q].id] = v->column[p].id;
+                any = done[q] = done[p] = true;
+            }
         }
     }
     for (int q = 0; q < v->nvariable; ++q) {

@@ -249,6 +249,8 @@ typedef struct pm_logger_view {
     double apart[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j], i < j: two lengths of a part store an energy together, as a spring in a plane does.
     bool central[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [q][p] a spring acts along the distance of two bodies, of which q and p are one coordinate.
+    bool tethered[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool orbits[PM_LOGGER_COLUMNS]; // [first of such lengths] they move around their centre
     // [q][T] the entropy of temperature T depends on position q, as that of a gas on its volume.
     bool expands[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
