@@ -1659,11 +1659,13 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 const double size = fmax(fabs(y->least), fabs(y->largest));
                 const double power = y->inertia * fmax(y->decay, 0) * size * size;
                 const double scale = seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
-                if (v->warms[i][t] && !pm_logger_heat_is_free(v)) {
-                    pm_logger_scale_motion(v, 1 / scale);
-                } else if (seen || (hidden && v->warms[i][t])) {
+                // One ratio joins them.
+                if (v->warms[i][t] && !v->joined && pm_logger_heat_is_free(v)) {
                     pm_logger_scale_heat(v, scale);
+                } else if (v->warms[i][t] && !v->joined) {
+                    pm_logger_scale_motion(v, 1 / scale);
                 }
+                v->joined = v->joined || v->warms[i][t];
             }
         }
         if (y->guess == PM_LOGGER_WARMER && warmest >= 0) {

@@ -822,9 +822,10 @@ static void join_scales(pm_logger_view *view, int i, int t, double pushes, doubl
     const double moved = T->inertia * fabs(cools / (T->mean * pushes));
     const double ratio = moved / view->column[i].inertia;
     const bool heat = pm_logger_heat_is_free(view);
-    if (!heat && !view->column[i].free_scale) {
+    if (view->joined || (!heat && !view->column[i].free_scale)) {
         return;
     }
+    view->joined = true;
     scale(view, heat, heat ? 1 / ratio : ratio);
 }
 
