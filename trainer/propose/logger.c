@@ -31,6 +31,7 @@
 #define BETTER 0.85
 #define NOISE_ALONE 1.25
 #define SMALL_ERROR 0.1 // of the deviation
+#define FAR 3           // times the noise: what is missing is no small part of a law
 #define NOTHING 0.5     // of the deviation: an error that predicts hardly anything
 #define ENOUGH 1e-3
 #define MOST_TRIALS 64
@@ -349,21 +350,25 @@ static const char *found_by_best(hidden_search *s) {
     return found;
 }
 
-// Returns true if no prediction could be much better, since the rest is noise. Trials of
-// measurements are judged column by column; those of complete states, which have no noise, as a
-// whole.
-static bool explains(const hidden_search *s) {
+// Returns true if all errors are below so many times the noise. Trials of measurements are judged
+// column by column; those of complete states, which have no noise, as a whole.
+static bool is_within(const hidden_search *s, double factor) {
     const double *error = s->trial[s->best].score.group, whole = error_of(s, s->best);
     if (s->most == 0) {
-        return whole < NOISE_ALONE * ENOUGH;
+        return whole < factor * ENOUGH;
     }
     bool all = isfinite(whole);
     for (int c = 0; c < s->first.nvariable; ++c) {
         const pm_logger_column *column = &s->first.column[c];
         all = all && (column->id < 0 || column->id >= PM_FIT_SCORED_GROUPS ||
-                      error[column->id] < NOISE_ALONE * fmax(column->roughness, ENOUGH));
+                      error[column->id] < factor * fmax(column->roughness, ENOUGH));
     }
     return all;
+}
+
+// Returns true if no prediction could be much better, since the rest is noise.
+static bool explains(const hidden_search *s) {
+    return is_within(s, NOISE_ALONE);
 }
 
 // Tries the guesses from number `from` on, and keeps the best one.
@@ -420,8 +425,9 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     if (s->count == MOST_TRIALS) {
         return;
     }
-    pm_logger_guess *own = s->what[s->count].guess;
-    s->what[s->count] = s->what[s->best];
+    const int first = s->count;
+    pm_logger_guess *own = s->what[first].guess;
+    s->what[first] = s->what[s->best];
     for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
         const bool same = alike != NULL && pm_unit_equal(&other->dimension, alike) &&
@@ -436,13 +442,20 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
             return;
         }
     }
-    // A hidden variable adds to a law that is known well; beside another one, all begins anew. So
-    // it does where an input does something else: what is spare without that may be needed.
+    // Where an input does something else, all begins anew: what is spare without that may be
+    // needed. A hidden variable may add to a law that is known well, or that law may have made up
+    // for it.
     const bool acts = guess == PM_LOGGER_FREELY || guess >= PM_LOGGER_OPENS;
-    const bool keeps = !acts && (!pm_logger_hides(guess) || s->lean[s->best]);
-    s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
-    s->lean[s->count] = keeps && s->lean[s->best];
-    s->found[s->count++] = keeps ? found_by_best(s) : NULL;
+    const bool hides = pm_logger_hides(guess), lean = s->lean[s->best];
+    for (int anew = 0; anew < 2 && s->count < MOST_TRIALS; ++anew) {
+        const bool keeps = anew == 0 && !acts;
+        if (anew == 0 ? !hides || lean : hides) {
+            s->what[s->count] = s->what[first];
+            s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
+            s->lean[s->count] = keeps && lean;
+            s->found[s->count++] = keeps ? found_by_best(s) : NULL;
+        }
+    }
 }
 
 // Returns true if trial `id` has the guesses and the laws of an earlier one.
@@ -487,12 +500,14 @@ static pm_status add_laws(hidden_search *s, int most) {
     return PM_OK;
 }
 
-// Returns true if the budget is spent: what is left for a trial is less than any has taken.
+// Returns true if the budget is spent: what is left for a trial is less than any has taken that
+// ended by itself and predicts something.
 static bool is_late(const hidden_search *s) {
     const double left = s->hints->budget - s->spent;
     double least = INFINITY;
     for (int i = 0; i < s->count; ++i) {
-        least = s->trial[i].failed ? least : fmin(least, s->trial[i].seconds);
+        const bool ended = !s->trial[i].cut && error_of(s, i) < NOTHING;
+        least = ended ? fmin(least, s->trial[i].seconds) : least;
     }
     return left <= 0 || (isfinite(least) && left / 2 < least) ||
            s->used >= PM_SEARCH_SLOW * s->hints->budget;
@@ -589,13 +604,13 @@ static pm_status find_inputs(hidden_search *s, int most) {
     return PM_OK;
 }
 
-// Columns are grouped by what may be hidden behind them.
-typedef enum column_group { UNPLACED, MOVING, SEEN, THERMAL } column_group;
+// Guesses are grouped by what may be hidden behind a column. Those that hide nothing are about the
+// role of a column or about its laws.
+typedef enum guess_group { UNPLACED, MOVING, THERMAL, ROLES, LAWS } guess_group;
 
-// Tries guesses for the columns of a group: hidden variables behind them, or other roles of the
-// columns themselves. It first tries the same guess for all columns of a unit, then for single
-// ones, until no guess is better.
-static pm_status find_columns(hidden_search *s, column_group group) {
+// Tries the guesses of a group. It first tries the same guess for all columns of a unit, then for
+// single ones, until no guess is better.
+static pm_status find_columns(hidden_search *s, guess_group group) {
     for (int alike = 1; alike >= 0; --alike) {
         for (int c = 0; c < s->first.nvariable && !is_over(s); ++c) {
             const pm_logger_column *column = &s->first.column[c];
@@ -603,20 +618,23 @@ static pm_status find_columns(hidden_search *s, column_group group) {
             const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
             for (int i = 0; i < column->nother; ++i) {
                 const bool hides = pm_logger_hides(column->other[i]);
-                const column_group own = !hides                                  ? SEEN
-                                         : column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
-                                         : moves                                 ? MOVING
-                                                                                 : UNPLACED;
+                const bool laws =
+                    column->other[i] >= PM_LOGGER_WARMER && column->other[i] < PM_LOGGER_CELL;
+                const guess_group own = !hides ? (laws ? LAWS : ROLES)
+                                        : column->kind == PM_LOGGER_TEMPERATURE ? THERMAL
+                                        : moves                                 ? MOVING
+                                                                                : UNPLACED;
                 // A trial of a larger guess than one that has not ended, or that took more than
                 // what is left for this one, would not end either.
                 const bool late = s->hints->budget - s->spent < s->trial[0].seconds;
+                const int before = s->count;
                 if (own == group && !(hides && (s->short_of_time || late))) {
                     add_guess(s, column->id, column->other[i],
                               alike == 1 ? &column->dimension : NULL);
                 }
-                if (s->count > from && s->hints->hidden >= 0 && hides &&
+                if (s->count > before && s->hints->hidden >= 0 && hides &&
                     hidden_by(s, s->count - 1) > s->hints->hidden) {
-                    --s->count;
+                    s->count = before;
                 }
             }
             PM_TRY(try_guesses(s, from));
@@ -738,18 +756,20 @@ static pm_status find_hidden(hidden_search *s) {
     PM_TRY(leave_out(s));
     const int first = s->best;
     // Guesses about heat come first where temperatures are predicted worst.
-    PM_TRY(is_warm(s) ? find_columns(s, SEEN) : PM_OK);
+    PM_TRY(is_warm(s) ? find_columns(s, LAWS) : PM_OK);
     if (!s->short_of_time) {
         PM_TRY(find_laws(s, 1));
         PM_TRY(leave_out(s));
         PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
     }
     PM_TRY(find_inputs(s, 1));
-    PM_TRY(find_columns(s, SEEN));
+    PM_TRY(find_columns(s, ROLES));
+    const bool near = is_within(s, FAR);
+    PM_TRY(near ? find_columns(s, LAWS) : PM_OK);
     PM_TRY(leave_out(s));
-    const bool small = error_of(s, s->best) < SMALL_ERROR;
     for (int pass = 0; pass < 2; ++pass) {
-        if (small == (pass == 0)) {
+        if (near == (pass == 0)) {
+            PM_TRY(near ? PM_OK : find_columns(s, LAWS));
             PM_TRY(find_laws(s, MOST_TRIALS));
         } else {
             PM_TRY(find_columns(s, UNPLACED));

@@ -56,6 +56,8 @@ typedef struct listed_constant {
     bool zero;            // it is left out, with what it multiplies
     bool shared;          // perhaps the scene names it
     const char *optional; // where its line says so; NULL: it is needed
+    double start;
+    bool anew; // it begins where its line says
 } listed_constant;
 
 // Returns where a text stands between two places; NULL: nowhere.
@@ -90,8 +92,16 @@ static listed_constant read_constant(const pm_logger_writer *w, const char *mode
     return c;
 }
 
+// Returns true if constant `c` means nothing where `own` is zero: it vanishes from the formulas
+// with it, of which `without` is the rest.
+static bool shapes(const listed_constant *c, const listed_constant *own, const char *body,
+                   const char *without) {
+    return c != own && c->value != NULL && !c->shared && pm_logger_mentions(body, c->name) &&
+           !pm_logger_mentions(without, c->name);
+}
+
 // Writes the line of a constant behind its value. Where it is optional, it names the constants that
-// mean nothing where it is zero, since they vanish from the formulas with it.
+// mean nothing without it.
 static void write_rest(pm_logger_writer *w, const char *body, const listed_constant *own,
                        const listed_constant *constant, int count) {
     const char *name = own->name, *without = NULL, *rest = own->rest;
@@ -101,14 +111,12 @@ static void write_rest(pm_logger_writer *w, const char *body, const listed_const
         without = pm_logger_shorten(&arena, body, 1, &name);
     }
     for (int i = 0; without != NULL && i < count; ++i) {
-        const listed_constant *c = &constant[i];
-        if (c != own && c->value != NULL && !c->shared && pm_logger_mentions(body, c->name) &&
-            !pm_logger_mentions(without, c->name)) {
+        if (shapes(&constant[i], own, body, without)) {
             if (!some) {
                 fprintf(w->f, "%.*s, optional: [", (int)(own->optional - rest), rest);
                 rest = own->optional + strlen(PM_LOGGER_OPTIONAL);
             }
-            fprintf(w->f, "%s%s", some ? ", " : "", c->name);
+            fprintf(w->f, "%s%s", some ? ", " : "", constant[i].name);
             some = true;
         }
     }
@@ -145,7 +153,25 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
         fprintf(w->f, "  %s:\n", name);
         // Constants begin where an earlier fit left them, but positive ones at most a factor
         // FURTHEST away from where regressions put them, because a constant near zero would stay
-        // there.
+        // there. What shapes a law that has come near zero begins anew with it: it may be anything.
+        for (int i = 0; i < count; ++i) {
+            listed_constant *c = &constant[i];
+            if (c->value == NULL) {
+                continue;
+            }
+            const double start = strtod(c->value, NULL);
+            const double own = c->found == NULL ? start : strtod(c->found, NULL);
+            const bool positive = strncmp(c->rest, ", positive", strlen(", positive")) == 0;
+            const double least = start / FURTHEST, most = start * FURTHEST;
+            const char *own_name = c->name, *without = NULL;
+            c->start = positive ? fmin(fmax(own, least), most) : own;
+            if (positive && own < least && c->optional != NULL) {
+                without = pm_logger_shorten(&arena, body, 1, &own_name);
+            }
+            for (int j = 0; without != NULL && j < count; ++j) {
+                constant[j].anew = constant[j].anew || shapes(&constant[j], c, body, without);
+            }
+        }
         for (int i = 0; i < count; ++i) {
             const listed_constant *c = &constant[i];
             if (c->value != NULL && w->lean && !c->shared && !pm_logger_mentions(body, c->name)) {
@@ -156,11 +182,8 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
                 fwrite(c->line, 1, (size_t)(c->end - c->line), w->f);
                 continue;
             }
-            const double start = strtod(c->value, NULL);
-            const double own = c->found == NULL ? start : strtod(c->found, NULL);
-            const bool positive = strncmp(c->rest, ", positive", strlen(", positive")) == 0;
             fprintf(w->f, "%.*s%.6g", (int)(c->value - c->line), c->line,
-                    positive ? fmin(fmax(own, start / FURTHEST), start * FURTHEST) : own);
+                    c->anew ? strtod(c->value, NULL) : c->start);
             write_rest(w, body, c, constant, count);
         }
         fputs(body, w->f);

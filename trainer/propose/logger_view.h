@@ -234,7 +234,7 @@ typedef struct pm_logger_view {
     double bath;         // K: the temperature of the surroundings
     bool leaks[PM_LOGGER_COLUMNS];  // temperatures that tend towards the surroundings
     double leak[PM_LOGGER_COLUMNS]; // 1/s: how fast
-    bool joined; // the scales of heat and of motion depend on each other
+    bool joined;                    // the scales of heat and of motion depend on each other
     // [i][j], i < j: the factor k with which co-energy j is added to i in the energy a (i + k
     // j)^2/2. Such co-energies share an inertia, like two coils, so that an input to one moves
     // both. 0: they share none.
