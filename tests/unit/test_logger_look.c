@@ -5,14 +5,17 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
 #include "base/rng.h"
-#include "propose/logger_view.h"
+#include "propose/logger_draft.h"
 
-enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 6 };
+enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 10 };
 
 typedef struct logged {
     int nz, hidden; // columns, and states that none shows
@@ -689,6 +692,29 @@ static void a_bath_reaches_all_temperatures_of_a_part(void **state) {
         }
     }
     assert_true(reached[0] && reached[1]);
+    // A power that a fit has left beside a vanishing factor may be anything: it begins anew.
+    static const int chosen[PM_LOGGER_NCHOICE] = {0};
+    char text[16384], path[] = "/tmp/test_logger_look_XXXXXX";
+    const int file = mkstemp(path);
+    assert_true(file >= 0);
+    const pm_logger_draft draft = {.view = v,
+                                   .scene_path = "scene.yaml",
+                                   .data_path = "data.h5",
+                                   .found = "system_room.convection_room_T1=1e-15\n"
+                                            "system_room.power_room_T1=3.8\n"
+                                            "system_room.power_room_T2=0.21\n"};
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(pm_logger_write_training(&draft, chosen, "", path), PM_OK);
+    FILE *f = fopen(path, "r");
+    assert_non_null(f);
+    text[fread(text, 1, sizeof text - 1, f)] = '\0';
+    fclose(f);
+    close(file);
+    assert_int_equal(unlink(path), 0);
+    const char *first = strstr(text, "power_room_T1: {learned: ");
+    assert_non_null(first);
+    assert_true(strtod(first + strlen("power_room_T1: {learned: "), NULL) < 1);
+    assert_non_null(strstr(text, "power_room_T2: {learned: 0.21,"));
     pm_logger_view_free(&v);
     pm_dataset_free(d);
 }
@@ -745,6 +771,98 @@ static void a_pipe_fills_a_tank(void **state) {
     pm_dataset_free(d);
 }
 
+// --- bodies in the plane and in space ---
+
+// Adds the force of a spring of this stiffness and length along d [n] to a [n], with a factor.
+static void pull(int n, const double *d, double stiffness, double length, double factor,
+                 double *a) {
+    double square = 1e-3;
+    for (int k = 0; k < n; ++k) {
+        square += d[k] * d[k];
+    }
+    for (int k = 0; k < n; ++k) {
+        a[k] -= factor * stiffness * (1 - length / sqrt(square)) * d[k];
+    }
+}
+
+// Two bodies in the plane: x1, y1, their velocities, x2, y2, their velocities. The first is held by
+// a spring to the origin, the second one by a spring to the first one.
+static void two_bodies(const double *z, double *rate) {
+    const double d[2] = {z[4] - z[0], z[5] - z[1]};
+    for (int k = 0; k < 2; ++k) {
+        rate[k] = z[2 + k];
+        rate[2 + k] = -0.1 * z[2 + k];
+        rate[4 + k] = z[6 + k];
+        rate[6 + k] = -0.2 * z[6 + k];
+    }
+    pull(2, z, 6, 0.5, 1, rate + 2);
+    pull(2, d, 9, 0.6, -1, rate + 2);
+    pull(2, d, 9, 0.6, 0.5, rate + 6);
+}
+
+static void a_spring_between_bodies_in_the_plane_is_found(void **state) {
+    (void)state;
+    static const char *const column[] = {"x1", "y1", "u1", "v1", "x2", "y2", "u2", "v2"};
+    static const char *const part[] = {"a=x1,y1,u1,v1", "b=x2,y2,u2,v2"}, *const port[] = {"a,b"};
+    pm_dataset *d =
+        record(&(logged){8, 0, column, "m;m;m/s;m/s;m;m;m/s;m/s", 0.05, two_bodies, NULL});
+    pm_logger_view v;
+    look(&v, d,
+         &(pm_logger_hints){.hidden = -1, .npart = 2, .part = part, .nport = 1, .port = port});
+    for (int k = 0; k < 2; ++k) { // measured from the first body, whose place nothing else tells
+        assert_int_equal(v.column[4 + k].base, k);
+        assert_int_equal(v.column[4 + k].mate, 6 + k);
+        assert_true(v.moves[4 + k][2 + k] == -1);
+        assert_int_equal(v.column[k].base, -1);
+    }
+    assert_true(v.central[0][1] && v.central[4][5]);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
+// A mass on a spring in space, which stays at about the same distance from the centre, and a
+// temperature that its friction heats.
+static void in_space(const double *z, double *rate) {
+    double power = 0;
+    for (int k = 0; k < 3; ++k) {
+        rate[k] = z[3 + k];
+        rate[3 + k] = -0.3 * z[3 + k];
+        power += 0.3 * z[3 + k] * z[3 + k];
+    }
+    pull(3, z, 30, 1, 1, rate + 3);
+    rate[6] = power / 0.4;
+}
+
+static void start_in_space(int trajectory, double *z) {
+    const double a = 1.7 * trajectory, b = 0.4 * cos(2.3 * trajectory);
+    z[0] = cos(a) * cos(b), z[1] = sin(a) * cos(b), z[2] = sin(b);
+    z[3] = -sin(a) + 0.3 * cos(b), z[4] = cos(a), z[5] = 0.8 * cos(3.1 * trajectory);
+    z[6] = 300 + trajectory;
+}
+
+static void three_lengths_are_judged_together(void **state) {
+    (void)state;
+    static const char *const column[] = {"x", "y", "z", "u", "v", "w", "T"};
+    pm_dataset *d =
+        record(&(logged){7, 0, column, "m;m;m;m/s;m/s;m/s;K", 0.05, in_space, start_in_space});
+    pm_logger_view v;
+    look(&v, d, &(pm_logger_hints){.hidden = -1});
+    assert_true(v.central[0][1] && v.central[0][2] && v.central[1][2]);
+    for (int i = 3; i < 6; ++i) { // no friction between the axes
+        for (int j = 3; j < i; ++j) {
+            assert_false(pm_logger_is_coupled(&v, i, j, true));
+        }
+        assert_true(v.warms[i][6]);
+    }
+    int units = 0; // of all energies, although three velocities heat
+    for (int c = 0; c < v.nvariable; ++c) {
+        units += v.column[c].free_scale;
+    }
+    assert_int_equal(units, 1);
+    pm_logger_view_free(&v);
+    pm_dataset_free(d);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_length_of_a_spring_has_two_velocities),
@@ -769,6 +887,8 @@ int main(void) {
         cmocka_unit_test(the_torque_before_a_gear_has_a_factor),
         cmocka_unit_test(rare_samples_count_and_noise_and_rates_do_not),
         cmocka_unit_test(a_bath_reaches_all_temperatures_of_a_part),
+        cmocka_unit_test(a_spring_between_bodies_in_the_plane_is_found),
+        cmocka_unit_test(three_lengths_are_judged_together),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
