@@ -764,7 +764,8 @@ static pm_status find_hidden(hidden_search *s) {
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, ROLES));
-    const bool near = is_within(s, FAR);
+    // Where there is no noise, it tells nothing of what is missing.
+    const bool near = s->first.noisy ? is_within(s, FAR) : error_of(s, s->best) < SMALL_ERROR;
     PM_TRY(near ? find_columns(s, LAWS) : PM_OK);
     PM_TRY(leave_out(s));
     for (int pass = 0; pass < 2; ++pass) {
