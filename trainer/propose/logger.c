@@ -993,7 +993,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     size_t size = 0;
     hidden_search *search = calloc(1, sizeof *search);
     FILE *comment = open_memstream(&text, &size);
-    bool looked = false;
+    bool looked = false, interrupted = false;
     pm_status status = search != NULL && comment != NULL
                            ? PM_OK
                            : pm_fail(PM_ENOMEM, "out of memory for a proposal");
@@ -1017,8 +1017,15 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
         search->what[0].guess[input->id] = input->clear ? input->other[0] : PM_LOGGER_AS_FOUND;
     }
     if (hints->budget > 0) {
-        PM_TRY_DONE(find_hidden(search));
-        PM_TRY_DONE(confirm(search));
+        status = find_hidden(search);
+        interrupted = status == PM_EINTERRUPTED;
+        if (interrupted) { // the best of what has been tried is written
+            search->start = found_by_best(search);
+            own.budget = 0;
+        } else {
+            PM_TRY_DONE(status);
+            PM_TRY_DONE(confirm(search));
+        }
         print_trials(search, comment);
     }
     own.guess = search->what[search->best].guess;
@@ -1044,6 +1051,9 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     own.budget = fmax(own.budget - search->used, 0);
     PM_TRY_DONE(choose_laws(&draft, &own, search->what[search->best].chosen, text, training));
     printf("wrote %s\nwrote %s\n", scene, training);
+    status = interrupted
+                 ? pm_fail(PM_EINTERRUPTED, "interrupted: what was best until then is written")
+                 : PM_OK;
 done:
     if (looked) {
         pm_logger_view_free(&draft.view);
