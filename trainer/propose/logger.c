@@ -442,9 +442,9 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
             return;
         }
     }
-    // Where an input does something else, all begins anew: what is spare without that may be
-    // needed. A hidden variable may add to a law that is known well, or that law may have made up
-    // for it.
+    // All constants begin anew where an input does something else: those that were spare may be
+    // needed then. A hidden variable may add to a law that is known well, or that law may have made
+    // up for it.
     const bool acts = guess == PM_LOGGER_FREELY || guess >= PM_LOGGER_OPENS;
     const bool hides = pm_logger_hides(guess), lean = s->lean[s->best];
     for (int anew = 0; anew < 2 && s->count < MOST_TRIALS; ++anew) {
@@ -764,7 +764,7 @@ static pm_status find_hidden(hidden_search *s) {
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, ROLES));
-    // Where there is no noise, it tells nothing of what is missing.
+    // Without noise the errors do not tell whether a variable is missing or a law is wrong.
     const bool near = s->first.noisy ? is_within(s, FAR) : error_of(s, s->best) < SMALL_ERROR;
     PM_TRY(near ? find_columns(s, LAWS) : PM_OK);
     PM_TRY(leave_out(s));

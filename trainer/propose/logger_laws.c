@@ -56,8 +56,8 @@ typedef struct listed_constant {
     bool zero;            // it is left out, with what it multiplies
     bool shared;          // perhaps the scene names it
     const char *optional; // where its line says so; NULL: it is needed
-    double start;
-    bool anew; // it begins where its line says
+    double start;         // where it begins, by an earlier fit
+    bool anew;            // it begins where its line says, instead
 } listed_constant;
 
 // Returns where a text stands between two places; NULL: nowhere.
@@ -153,7 +153,7 @@ void pm_logger_end(pm_logger_writer *w, const char *name) {
         fprintf(w->f, "  %s:\n", name);
         // Constants begin where an earlier fit left them, but positive ones at most a factor
         // FURTHEST away from where regressions put them, because a constant near zero would stay
-        // there. What shapes a law that has come near zero begins anew with it: it may be anything.
+        // there. Constants that shape a law near zero begin anew with it: they may be anything.
         for (int i = 0; i < count; ++i) {
             listed_constant *c = &constant[i];
             if (c->value == NULL) {

@@ -800,7 +800,7 @@ static void find_bodies(pm_logger_samples *w, equations *work) {
             a->count = pm_logger_leader(v, a->length[k]) == a->length[0] ? a->count : 0;
         }
     }
-    // What else changes a velocity shows better beside what moves the bodies.
+    // Friction and all other causes show better beside the springs that move the bodies.
     for (int i = 0; i < v->nvariable; ++i) {
         term_list forces = {0};
         double x[MOST];
@@ -1659,7 +1659,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
                 const double size = fmax(fabs(y->least), fabs(y->largest));
                 const double power = y->inertia * fmax(y->decay, 0) * size * size;
                 const double scale = seen && power > 0 ? power / (rise * v->column[t].inertia) : 1;
-                // One ratio joins them.
+                // One ratio joins both scales. A second one would take away their only unit.
                 if (v->warms[i][t] && !v->joined && pm_logger_heat_is_free(v)) {
                     pm_logger_scale_heat(v, scale);
                 } else if (v->warms[i][t] && !v->joined) {
