@@ -13,8 +13,8 @@ if [ "${1:-}" = fast ]; then
     exec ctest --test-dir build -L fast --output-on-failure -j "$(nproc)"
 fi
 
-# Some tests mostly wait for other processes: with one test more than there are cores all cores are busy.
-tests=$(($(nproc) + 1))
+# Some tests mostly wait for other processes: with two tests more than there are cores all cores are busy.
+tests=$(($(nproc) + 2))
 failed=0
 if [ "${SANITIZE:-yes}" = yes ]; then
     build_into build-clang -DCMAKE_C_COMPILER=clang -DPM_SANITIZE=address,undefined -DPM_WERROR=ON

@@ -38,10 +38,13 @@ sed -i 's/iterations: [0-9]*/iterations: 60/' "$folder/motor/training.yaml"
 succeed "Verdict: good" fit "$folder/motor/training.yaml" -o "$folder/motor/weights"
 error=$(awk '$1 == "system" && $2 == "w" { print $8 }' "$folder/out")
 [ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.1) }')" = 1 ] || fail "fit: expected errors below 0.1 %, found $error"
-# A search that is interrupted writes the best of what it has tried.
-timeout --preserve-status -s INT 0.7 "$train" propose --data "$folder"/motor_?.csv --hidden 2 --budget 60 -o "$folder/until" \
-    >"$folder/out" 2>"$folder/err"
-code=$?
+# A search that is interrupted writes the best of what it has tried; before it has begun, there is nothing to write.
+for seconds in 0.7 2 6 18; do
+    timeout --preserve-status -s INT $seconds "$train" propose --data "$folder"/motor_?.csv --hidden 2 --budget 60 \
+        -o "$folder/until" >"$folder/out" 2>"$folder/err"
+    code=$?
+    [ ! -s "$folder/until/training.yaml" ] || break
+done
 [ $code -eq 12 ] && grep -q "what was best until then is written" "$folder/err" && [ -s "$folder/until/training.yaml" ] ||
     fail "propose: expected a proposal when interrupted, found exit code $code"
 # A training file may name a table.
