@@ -19,8 +19,10 @@
 typedef struct pm_fit_effort {
     int tries, try_iterations; // at most so many draws of the first weights, and iterations of each
     int samples;               // at most so many samples in a batch
-    int iterations; // at most so many in each stage; measurements: steps of the continuation in all
-    int stages;     // at most so many
+    // At most so many in each stage; measurements: steps of the continuation in all, 0: the fit
+    // only shows whether its first weights can be integrated, and is not judged.
+    int iterations;
+    int stages; // at most so many
     // Measurements: of CPU time on a nominal machine (PM_SHOOTING_SPEED), after which it ends; 0:
     // no limit.
     double seconds;

@@ -54,6 +54,7 @@
 #define FAR_REACH 1e6      // of constants whose unit and size are not known
 #define SWING 16           // steps in which hidden components swing once, in states that fix scales
 #define ESTIMATED_PART 0.25 // of a trajectory, from which the report estimates its start
+#define JUDGED 0.25         // of the time of a short fit, which the judgement may take besides
 #define MOST_SEARCHED 400   // weights; with more, short fits to windows take too long
 #define SEARCHED 2          // first window lengths of the windows that choose initial weights
 #define EQUAL 1e-6          // relative difference of times that count as equal
@@ -1161,7 +1162,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
                                  .stop = f->stop,
                                  .until = later ? INFINITY : taught,
                                  .halve = true,
-                                 .work = limit * PM_SHOOTING_SPEED};
+                                 .work = JUDGED * limit * PM_SHOOTING_SPEED};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
                             all < MOST_REPORTED ? all : MOST_REPORTED, which, &how));
     f->measured.seconds += e.work / PM_SHOOTING_SPEED;

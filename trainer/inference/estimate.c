@@ -152,7 +152,8 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     pm_status result = PM_ENUMERIC;
     bool followed = false;
-    for (int way = 0; way < 2 && !followed; ++way) {
+    const double most = continuation->work > 0 ? continuation->work : INFINITY;
+    for (int way = 0; way < 2 && !followed && (way == 0 || s->work < most); ++way) {
         pm_continuation own = *continuation;
         own.first = first[way];
         pm_shooting_set_substeps(s, substeps); // those of a continuation that failed may be fewer

@@ -509,6 +509,8 @@ static bool is_late(const hidden_search *s) {
         const bool ended = !s->trial[i].cut && error_of(s, i) < NOTHING;
         least = ended ? fmin(least, s->trial[i].seconds) : least;
     }
+    // What has been cut needs more time than it had.
+    least = isfinite(least) || !s->short_of_time ? least : s->trial[0].seconds;
     return left <= 0 || (isfinite(least) && left / 2 < least) ||
            s->used >= PM_SEARCH_SLOW * s->hints->budget;
 }
@@ -802,12 +804,8 @@ static pm_status confirm(hidden_search *s) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
     const int most = s->most, last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
     const int *const vector[] = {&last};
-    pm_fit_effort effort = {.tries = TRIES,
-                            .try_iterations = 4,
-                            .samples = FEWEST_SAMPLES,
-                            .iterations = STEPS,
-                            .stages = 1,
-                            .seconds = LEAST};
+    pm_fit_effort effort = {
+        .tries = TRIES, .try_iterations = 4, .samples = FEWEST_SAMPLES, .stages = 1};
     s->start = found_by_best(s);
     if (most == 0 || most == s->dataset->ntrajectory || last < s->count) {
         return PM_OK;

@@ -161,7 +161,8 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
         status = status == PM_OK ? pm_fit_open(&f, &a, stop == NULL ? &never : stop) : status;
         status = status == PM_OK ? pm_fit_run(&f) : status;
         result.cut = effort->seconds > 0 && f.measured.seconds > effort->seconds;
-        status = status == PM_OK ? pm_fit_judge(&f, &result.score) : status;
+        const bool judged = status == PM_OK && effort->iterations > 0;
+        status = judged ? pm_fit_judge(&f, &result.score) : status;
         status = status == PM_OK && start != NULL ? pm_fit_save_start(&f, start) : status;
         result.failed = status != PM_OK;
         result.iterations = f.position.done;

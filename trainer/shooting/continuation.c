@@ -227,6 +227,7 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
     const pm_shooting_limits limits = {.iterations = long_last ? LAST_ITERATIONS : POINT_ITERATIONS,
                                        .enough = long_last ? LAST_ENOUGH : POINT_ENOUGH,
                                        .stop = continuation->stop,
+                                       .work = continuation->work,
                                        .keep = keep_progress,
                                        .context = &running};
     pm_shooting_progress progress = point->progress;
@@ -484,10 +485,10 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
     const bool longest = point->length >= pm_continuation_longest(s);
     bool changed = false;
     if (!longest && joins) {
-        const int stride = point->stride > 1 ? point->stride / 2 : 1;
-        PM_TRY(divide(s, point, 2 * point->length, stride, &changed));
+        PM_TRY(divide(s, point, 2 * point->length, point->stride, &changed));
     }
-    // Tracks are added where windows cannot grow, too, if need be with shorter windows, or with
+    // Windows grow with few tracks, which tell the weights nearly as well as all and take less
+    // time. Tracks are added where windows cannot grow, if need be with shorter windows, or with
     // weights that have not adapted so far to the tracks before.
     if (!changed && point->stride > 1) {
         point->stride /= 2;
@@ -530,6 +531,9 @@ pm_status pm_continuation_run(pm_shooting *s, const pm_continuation *continuatio
                                           : continuation->keep(continuation->context, &point));
         PM_TRY(run_point(s, continuation, &point));
         PM_TRY(next_point(s, continuation, &point, substeps));
+        if (continuation->work > 0 && s->work > continuation->work) {
+            point.stage = PM_CONTINUATION_DONE;
+        }
     }
     if (last != NULL) {
         *last = point;

@@ -44,8 +44,7 @@ typedef struct pm_continuation {
     bool brief;            // the last point takes no more steps than the others
     bool loud;             // print a line for each window length
     const volatile sig_atomic_t *stop; // ends the fit when nonzero; or NULL
-    // Work of the shooting after which no other windows are tried in place of some that cannot be
-    // integrated; 0: no limit.
+    // Work of the shooting after which the continuation ends where it is; 0: no limit.
     double work;
     // Where the continuation begins. With a stage other than PM_CONTINUATION_NONE the shooting must
     // have the weights, windows, starts, noise and gaps that it had when `keep` got this point.

@@ -161,7 +161,8 @@ done:
 // Returns the work of a program for one item, and of the product of its Jacobian.
 static double work_of(const pm_sensitivity *f, const jacobian *j) {
     const double columns = f->nz + f->nweight;
-    return pm_program_work(j->program) + (f->derivatives ? j->size * columns * (f->nz + 1) : 0);
+    return pm_program_work(j->program) +
+           (f->derivatives ? j->size * columns * (f->nz + 1) * PM_SENSITIVITY_DENSE : 0);
 }
 
 pm_status pm_sensitivity_open(pm_sensitivity **sensitivity, const pm_sensitivity_how *how,

@@ -23,6 +23,9 @@ typedef struct pm_sensitivity_how {
 // The compiled programs with their memory. Each thread needs a pm_sensitivity of its own.
 typedef struct pm_sensitivity pm_sensitivity;
 
+// The time of a multiplication in a product of matrices, whose sums stay in registers, in that of
+// one in a program.
+#define PM_SENSITIVITY_DENSE 0.25
 #define PM_SENSITIVITY_BATCH 16 // states at a time
 
 // About how many multiplications one step and one sample take, with their derivatives if there are

@@ -457,7 +457,8 @@ static void *work(void *context) {
 // equations, and of the elimination of the starts.
 static void count_work(pm_shooting *s, bool derivatives, const pm_sensitivity_work *each) {
     const double border = s->terms.hold ? 1 : s->nborder, nz = s->nz;
-    const double equations = derivatives ? (nz + border) * (nz + border) / 2 : 0;
+    const double half = PM_SENSITIVITY_DENSE / 2; // the matrices are symmetric
+    const double equations = derivatives ? half * (nz + border) * (nz + border) : 0;
     for (int w = 0; w < s->nwindow; ++w) {
         const pm_window *window = &s->window[w];
         const int *first = s->tracks->track[window->track].first_step;
@@ -466,7 +467,7 @@ static void count_work(pm_shooting *s, bool derivatives, const pm_sensitivity_wo
                    (each->sample + equations * s->ny) * (window->last - window->first) +
                    equations * nz * (nz + 1);
     }
-    s->work += derivatives ? border * border * border / 3 : 0;
+    s->work += derivatives ? PM_SENSITIVITY_DENSE * border * border * border / 3 : 0;
 }
 
 double pm_shooting_evaluate(pm_shooting *s, const double *z, bool derivatives) {

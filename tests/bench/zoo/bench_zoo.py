@@ -261,9 +261,10 @@ def logger(train, folder, budget, black_box):
         if code:
             return out | {"problem": last_line(log), "error": np.inf}
     options = ["--budget", f"{budget / 2:g}"] if trainer_takes(train, "propose", "--budget") else []
-    code, used, _ = run([train, "propose", "--data", "train.h5", *arguments, "-o", "model", *options], log, budget, folder)
+    shutil.rmtree(folder / "model", ignore_errors=True)
+    code, used, stopped = run([train, "propose", "--data", "train.h5", *arguments, "-o", "model", *options], log, budget, folder)
     out["cpu"] += used
-    if code:
+    if code and not (stopped and (folder / "model/training.yaml").exists()):  # what is stopped writes the best so far
         return out | {"problem": last_line(log), "error": np.inf}
     fit(train, folder, "model/training.yaml", "model/weights", [], budget, log, out)
     record = folder / "predicted.h5"
