@@ -4,6 +4,7 @@
 # and no judgement of how exact the fits are. `whole`: searches have the budget that they have by default, and the two fits
 # that take longest are not left out.
 . "$(dirname "$0")/../support/setting.sh"
+. "$(dirname "$0")/../support/logger_tables.sh"
 train=$1 portmetd=$2 program=$1 short=${3:-}
 rows=150 budget=30 files="1 2 3 4 5 6 7 8"
 [ "$short" != short ] || rows=40 budget=5 files="1 2 5"
@@ -391,5 +392,17 @@ grep -q "isothermal_p" "$folder/gas/training.yaml" || fail "propose: expected a 
 succeed "Verdict: " fit "$folder/gas/training.yaml" -o "$folder/gas/weights"
 error=$(awk '$1 == "system" && $2 == "p" { print $8 }' "$folder/out")
 [ "$(awk -v e="$error" 'BEGIN { print (e != "" && e < 0.2) }')" = 1 ] || fail "fit: expected errors below 0.2 %, found $error"
+
+# Windows grow with few runs; all of them take part once windows are whole.
+write swing 24 "q [rad],w [rad/s]" "n = 2; y[1] = 2*rand() - 1; y[2] = 2*rand() - 1" \
+    "a = -9*sin(y[1]) - 0.3*y[2]; y[1] += h*y[2]; y[2] += h*a"
+for i in $(seq 24); do
+    awk -F, -v OFS=, -v seed="$i" 'BEGIN { srand(seed) } NR > 1 { $2 += 0.01*(rand() - 0.5); $3 += 0.03*(rand() - 0.5) } 1' \
+        "$folder/swing_$i.csv" >"$folder/swings_$i.csv"
+done
+succeed "wrote" propose --budget 0 --data "$folder"/swings_*.csv -o "$folder/swing"
+succeed "Verdict: good" fit "$folder/swing/training.yaml" -o "$folder/swing/weights"
+awk '/^windows of/ { grew = $3 > size; more = $10 > count; wrong += grew && more; steps += grew && !more; joins += more && !grew; size = $3; count = $10 }
+     END { exit !(wrong == 1 && steps > 1 && joins > 0) }' "$folder/out" || fail "fit: expected windows that grow with as many runs"
 
 finish
