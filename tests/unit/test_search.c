@@ -210,7 +210,7 @@ static void without_a_budget_nothing_is_tried(void **state) {
     assert_null(strstr(text, "#"));
 }
 
-// A search that is interrupted leaves no file.
+// A search that is interrupted writes the best so far, unless its caller asks for the outcome.
 static void an_interrupted_search_ends(void **state) {
     static const char *const spring[] = {"linear", "unreadable", "cubic"};
     static const volatile sig_atomic_t stop = 1;
@@ -220,8 +220,16 @@ static void an_interrupted_search_ends(void **state) {
     path_of("interrupted.yaml", path);
     pm_hypotheses_add(&space, "spring", 3, spring);
     const pm_search_how how = {.budget = 5, .stop = &stop};
-    assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_EINTERRUPTED);
+    pm_search_outcome outcome;
+    char text[TEXT];
+    assert_int_equal(pm_search_run(&space, &how, path, &outcome), PM_EINTERRUPTED);
     assert_int_equal(access(path, F_OK), -1);
+    assert_int_equal(pm_search_run(&space, &how, path, NULL), PM_EINTERRUPTED);
+    read_result(path, text);
+    assert_non_null(
+        strstr(text, "# * as proposed from units and statistics (failed: interrupted)"));
+    assert_null(strstr(text, "cubic"));
+    remove(path);
 }
 
 int main(void) {

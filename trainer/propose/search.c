@@ -427,6 +427,7 @@ static pm_status weigh(hypothesis_search *s, const int *vector, int *weights) {
 // nominal time that is left does not suffice for another fit.
 static pm_status run(hypothesis_search *s, int count, const int *which, int stages,
                      double seconds) {
+    static const pm_search_trial untried = {.failed = true, .reason = "interrupted"};
     const double most = s->how->most;
     for (int first = 0, n; first < count; first += n) {
         const int *vector[AT_ONCE] = {NULL};
@@ -452,7 +453,9 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
             longest = fmax(longest, SAFETY * cost);
             name_start(s, which[first + n], path[n]);
             start[n] = path[n];
-            s->candidate[which[first + n]].tried = true; // its weights may be left, however it ends
+            tried_vector *c = &s->candidate[which[first + n]];
+            c->trial = c->tried ? c->trial : untried;
+            c->tried = true; // its weights may be left, however it ends
         }
         if (n == 0) {
             return PM_OK;
@@ -684,6 +687,9 @@ static void print_trials(const hypothesis_search *s, FILE *f) {
     for (int i = 0; i < s->ncandidate; ++i) {
         const tried_vector *c = &s->candidate[i];
         bool any = false;
+        if (!c->tried) { // interrupted before
+            continue;
+        }
         fprintf(f, "# %s ", i == s->best ? "*" : "-");
         for (int k = 0; k < s->space->count; ++k) {
             const pm_choice *choice = &s->space->choice[k];
@@ -728,15 +734,19 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     int *vector = pm_arena_array(&s->arena, (size_t)space->count + 1, sizeof *vector);
     PM_TRY_DONE(pm_arena_status(&s->arena, "a search"));
     s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
+    bool interrupted = false;
     if (how->budget > 0 && alternatives > 1) {
-        PM_TRY_DONE(descend(s, alternatives));
-        PM_TRY_DONE(decide(s, FOR_FINALISTS * how->budget));
+        status = descend(s, alternatives);
+        status = status == PM_OK ? decide(s, FOR_FINALISTS * how->budget) : status;
+        interrupted = status == PM_EINTERRUPTED && outcome == NULL;
+        PM_TRY_DONE(interrupted ? PM_OK : status);
         print_trials(s, comment);
         const pm_search_trial *kept = &s->candidate[s->best].trial;
-        if (how->loud && kept->failed) {
+        const bool loud = how->loud && !interrupted;
+        if (loud && kept->failed) {
             printf("none of %d hypotheses leads to a model (%s): the file is a beginning to edit\n",
                    s->ncandidate, kept->reason);
-        } else if (how->loud) {
+        } else if (loud) {
             printf("%d hypothes%s of %d choices were tried in %.0f s of CPU; %s\n", s->ncandidate,
                    s->ncandidate == 1 ? "is" : "es", space->count, s->used,
                    s->best == 0 ? "the first one is kept"
@@ -766,6 +776,9 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
                  : pm_fail(PM_ENOMEM, "out of memory for a comment");
     if (starts) {
         *space->start = NULL;
+    }
+    if (interrupted && status == PM_OK) {
+        status = pm_fail(PM_EINTERRUPTED, "interrupted: what was best until then is written");
     }
 done:
     for (int i = 0; i < s->ncandidate; ++i) {

@@ -120,8 +120,8 @@ typedef struct pm_search_outcome {
 
 // Searches and writes the training file of the winner to `path`, with a comment: what was tried,
 // how far each came. A trial that fails is a bad hypothesis, not a failure. `outcome` may be NULL.
-// Fails as space->write does for the winner; PM_EFILE: no temporary folder; PM_EINTERRUPTED;
-// PM_ENOMEM.
+// Fails as space->write does for the winner; PM_EFILE: no temporary folder; PM_EINTERRUPTED, where
+// without `outcome` the best so far is written; PM_ENOMEM.
 pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, const char *path,
                         pm_search_outcome *outcome);
 
