@@ -1036,8 +1036,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     if (pm_logger_is_measured(&draft.view)) {
         draft.found = search->start;
         draft.lean = draft.found != NULL && search->lean[search->best];
-        draft.ended = draft.found != NULL && !search->trial[search->best].cut &&
-                      error_of(search, search->best) < SMALL_ERROR;
+        draft.ended = draft.found != NULL && error_of(search, search->best) < SMALL_ERROR;
     }
     describe(&draft.view, draft.lean ? draft.found : NULL);
     name_inputs(&draft.view);

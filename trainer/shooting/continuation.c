@@ -276,7 +276,7 @@ static bool hides(const pm_shooting *s) {
 // the end.
 static void begin_stage(pm_shooting *s, int stage, int substeps) {
     // Starts come first: hidden components begin as guesses, to which the weights must not adapt.
-    s->terms.hold = stage == PM_CONTINUATION_STARTS;
+    s->terms.hold = stage == PM_CONTINUATION_STARTS || stage == PM_CONTINUATION_JOIN;
     // Until the noise is known, directions that the data hardly determine must not wander.
     s->terms.early = stage != PM_CONTINUATION_LAST;
     // Where gaps hardly count, priors keep the starts of all windows from making up for the
@@ -327,7 +327,7 @@ static pm_status divide(pm_shooting *s, pm_continuation_point *point, int length
     return status;
 }
 
-// The weights need few tracks at first, unless a start of each is to be found, too.
+// The weights need few tracks at first.
 static int first_stride(const pm_shooting *s) {
     double measurements = 0;
     int stride = 1;
@@ -335,7 +335,7 @@ static int first_stride(const pm_shooting *s) {
         measurements += (double)s->tracks->track[i].count * s->ny / s->tracks->count;
     }
     const double needed = MEASUREMENTS_PER_WEIGHT * s->nweight / measurements;
-    while (!hides(s) && s->tracks->count >= 2 * stride * fmax(needed, FEWEST_TRACKS)) {
+    while (s->tracks->count >= 2 * stride * fmax(needed, FEWEST_TRACKS)) {
         stride *= 2;
     }
     return stride;
@@ -470,8 +470,9 @@ static pm_status shorten(pm_shooting *s, const pm_continuation *continuation,
 // Chooses the point after one that has ended.
 static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
                             pm_continuation_point *point, int substeps) {
-    if (point->stage == PM_CONTINUATION_STARTS) {
-        point->stage = PM_CONTINUATION_SHORT;
+    if (point->stage == PM_CONTINUATION_STARTS || point->stage == PM_CONTINUATION_JOIN) {
+        point->stage =
+            point->stage == PM_CONTINUATION_STARTS ? PM_CONTINUATION_SHORT : PM_CONTINUATION_GROW;
         point->damping = 0;
         return PM_OK;
     }
@@ -494,6 +495,7 @@ static pm_status next_point(pm_shooting *s, const pm_continuation *continuation,
         point->stride /= 2;
         PM_TRY(divide_calmly(s, continuation, point, substeps));
         changed = true;
+        point->stage = hides(s) ? PM_CONTINUATION_JOIN : PM_CONTINUATION_GROW;
     }
     // Once every track is one window, there is no gap left to close.
     const bool ends = !changed && (longest || closed);

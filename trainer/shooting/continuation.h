@@ -18,6 +18,7 @@ enum {
     PM_CONTINUATION_NONE,   // it has not begun
     PM_CONTINUATION_STARTS, // shortest windows, fixed weights, if something is hidden
     PM_CONTINUATION_SHORT,  // shortest windows
+    PM_CONTINUATION_JOIN,   // fixed weights, if something is hidden, when tracks have been added
     PM_CONTINUATION_GROW,   // longer and longer windows
     PM_CONTINUATION_LAST,   // longest windows, noise as given
     PM_CONTINUATION_DONE
