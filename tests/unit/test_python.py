@@ -243,6 +243,21 @@ class Files(unittest.TestCase):
                     data.save(kept)
                 self.assertEqual(os.path.getsize(kept), os.path.getsize(other))
             again = portmet.Dataset(path)
+            linked = os.path.join(folder, "linked.h5")
+            os.link(path, linked)
+            for own in path, linked:  # the file from which it was read stays
+                with open(own, "rb") as file:
+                    before = file.read()
+                with self.assertRaisesRegex(ValueError, "was read from this file"):
+                    again.save(own)
+                with open(own, "rb") as file:
+                    self.assertEqual(file.read(), before)
+            for end in "/dev/null", os.path.join(folder, "nothing.h5"):
+                symbolic = os.path.join(folder, "symbolic.h5")
+                os.symlink(end, symbolic)
+                with self.assertRaisesRegex(portmet.Error, "this is a symbolic link"):
+                    again.save(symbolic)
+                os.remove(symbolic)
             self.assertEqual(again.z.tobytes(), data.z.tobytes())
             self.assertEqual((again.columns, again.dt, again.notes), (data.columns, data.dt, data.notes))
             # portmetd accepts it, too.

@@ -19,7 +19,11 @@ if typing.TYPE_CHECKING:
 
 
 def _check_output(path: Path) -> None:
-    """Raises Error if there is a file that no dataset replaces (daemon/base/files.h)."""
+    """Raises Error if there is something that no dataset replaces (daemon/base/files.h)."""
+    if os.path.islink(path):
+        raise Error(4, f"{os.fspath(path)}: this is a symbolic link, and is not replaced")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise Error(4, f"{os.fspath(path)}: this is not a regular file, and is not replaced")
     start = b""
     if os.path.isfile(path):
         with contextlib.suppress(OSError), open(path, "rb") as f:
@@ -60,6 +64,7 @@ class Dataset:
     def __init__(self, path: Path | None = None, *, z: ArrayLike | None = None, dt: float | None = None,
                  columns: typing.Iterable[str] | None = None, zdot: ArrayLike | None = None,
                  units: list[str] | None = None, notes: typing.Any = ()) -> None:
+        self._file: os.stat_result | None = None  # from which it was read
         if path is None:
             if z is None or dt is None or columns is None:
                 raise UsageError("a dataset needs either a path or z, dt and columns")
@@ -70,6 +75,7 @@ class Dataset:
             self.notes = dict(notes)
             return
         with _open(path, "a dataset") as f:
+            self._file = os.stat(path)
             self.z, self.t, self.dt = f["z"][:], f["t"][:], float(f["dt"][()])
             self.zdot = f["zdot"][:] if "zdot" in f else None
             notes = {name: _text(value) for name, value in f.attrs.items()}
@@ -96,7 +102,9 @@ class Dataset:
         return f"<portmet dataset: {len(self.z)} trajectories of {len(self.t)} states; {', '.join(self.columns[:8])}>"
 
     def save(self, path: Path) -> None:
-        """Writes the dataset, for `fit`, `evaluate` or a scene's reference."""
+        """Writes the dataset, for `fit`, `evaluate` or a scene's reference, but not to the file from which it was read."""
+        if self._file is not None and os.path.exists(path) and os.path.samestat(self._file, os.stat(path)):
+            raise UsageError(f"{os.fspath(path)}: the dataset was read from this file, and does not overwrite it")
         _check_output(path)
         if self.z.shape[2] != len(self.columns):
             raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
