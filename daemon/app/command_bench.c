@@ -357,7 +357,7 @@ static pm_status report(const bench *b, double target) {
         // A block for each method, below its title.
         const char *const drawn[] = {"bench", b->options->picture, NULL};
         FILE *file;
-        PM_TRY(pm_python_picture_table(&file, b->options->picture));
+        PM_TRY(pm_python_table(&file, b->options->picture, ".txt"));
         const pm_stepping *last = NULL;
         int nblock = 0;
         for (int i = 0; i < b->nsetting; ++i) {
@@ -446,7 +446,8 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&b.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(b.base.scene->path, &b.text));
     PM_TRY_DONE(pm_scene_text_check(b.text, options->write, options->weights));
-    PM_TRY_DONE(options->picture == NULL ? PM_OK : pm_python_picture_table(NULL, options->picture));
+    PM_TRY_DONE(options->picture == NULL ? PM_OK
+                                         : pm_python_check_pictures("bench", options->picture));
     const pm_physics *physics = &b.base.scene->physics;
     if (b.base.boundary_input.end < options->steps) {
         PM_TRY_DONE(pm_fail(PM_EUSAGE,

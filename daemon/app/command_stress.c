@@ -207,7 +207,7 @@ static pm_status report(stress *t) {
     FILE *file = NULL;
     pm_status picture = PM_OK;
     if (options->picture != NULL) {
-        PM_TRY(pm_python_picture_table(&file, options->picture));
+        PM_TRY(pm_python_table(&file, options->picture, ".txt"));
     }
     for (int k = 0; k < WIDTHS; ++k) {
         for (int l = 0; l < LENGTHS; ++l) {
@@ -330,7 +330,8 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(pm_prepare(&t.base, options, PM_TO_COORDINATE));
     PM_TRY_DONE(pm_scene_text_read(t.base.scene->path, &t.text));
     PM_TRY_DONE(pm_scene_text_check(t.text, options->write, options->weights));
-    PM_TRY_DONE(options->picture == NULL ? PM_OK : pm_python_picture_table(NULL, options->picture));
+    PM_TRY_DONE(options->picture == NULL ? PM_OK
+                                         : pm_python_check_pictures("stress", options->picture));
     t.mean = strdup(t.text);
     PM_TRY_DONE(pm_allocated(t.mean, "a scene"));
     PM_TRY_DONE(pm_scene_text_put_mean_inputs(&t.mean, &t.base.boundary_input));

@@ -102,27 +102,32 @@ static bool is_of_kind(const char *path, const char *kind) {
         found = memmem(start, size, own[i], strlen(own[i])) != NULL ? own[i] : found;
     }
     const bool begins = size >= strlen(kind) && memcmp(start, kind, strlen(kind)) == 0;
+    if (strcmp(kind, PM_FILES_PICTURE) == 0) {
+        return size == 0 || memmem(start, size, kind, strlen(kind)) != NULL;
+    }
     return size == 0 || (found == NULL || *kind == '\0' ? begins : strcmp(kind, found) == 0);
 }
 
 pm_status pm_files_check_output(const char *path, const char *kind) {
     struct stat facts;
     identity own;
-    if (!identify(path, &own, &facts)) {
-        return PM_OK;
-    }
-    if (kind != NULL && !S_ISREG(facts.st_mode)) {
-        return pm_fail(PM_EFILE, "%s: this is not a regular file, and is not replaced", path);
-    }
+    const bool link = lstat(path, &facts) == 0 && S_ISLNK(facts.st_mode);
+    const bool there = identify(path, &own, &facts);
     pthread_mutex_lock(&lock);
-    const identity *found = find(&own);
+    const identity *found = there ? find(&own) : NULL;
     const bool input = found != NULL && !found->written;
     pthread_mutex_unlock(&lock);
     if (input) {
         return pm_fail(PM_EUSAGE, "%s: the program reads this file, and does not overwrite it",
                        path);
     }
-    return kind == NULL || is_of_kind(path, kind)
+    if (kind != NULL && link) {
+        return pm_fail(PM_EFILE, "%s: this is a symbolic link, and is not replaced", path);
+    }
+    if (kind != NULL && there && !S_ISREG(facts.st_mode)) {
+        return pm_fail(PM_EFILE, "%s: this is not a regular file, and is not replaced", path);
+    }
+    return kind == NULL || !there || is_of_kind(path, kind)
                ? PM_OK
                : pm_fail(PM_EFILE,
                          "%s: this file exists and is of another kind: remove it, or choose "

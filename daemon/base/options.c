@@ -10,6 +10,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/files.h"
+
 static void print_option(const char *brief, const char *name, const char *value, const char *help) {
     char left[64];
     snprintf(left, sizeof left, "%s%s%s%s%s", brief == NULL ? "    " : brief,
@@ -159,6 +161,9 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv) {
     if (found < least || found > most) {
         return fail_positional(options, argv[0], found, unexpected);
     }
+    for (int i = 0; i < found; ++i) {
+        pm_files_note_input(options->positional[i]);
+    }
     for (int i = 0; i < options->count; ++i) {
         const pm_option *o = &options->option[i];
         if (o->required && *o->text == NULL) {
@@ -166,6 +171,8 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv) {
                            options->usage);
         }
         PM_TRY(o->is_output ? pm_options_output(o->name, *o->text) : PM_OK);
+        PM_TRY(o->kind != NULL && *o->text != NULL ? pm_files_check_output(*o->text, o->kind)
+                                                   : PM_OK);
     }
     return PM_OK;
 }

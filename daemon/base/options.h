@@ -19,10 +19,11 @@ typedef struct pm_option {
     bool required;     // of a text
     const char *help;
     bool is_output;   // the text is the path of a file that is written at the end, in a folder that
-                      // must exist: a command that works for minutes must not find out that late
+                      // must exist: a command that works for minutes must not find out that late.
     double *positive; // becomes the value, a number > 0
     int64_t *count;   // becomes the value, a whole number from `least` to `most`
     int64_t least, most;
+    const char *kind; // of the output (base/files.h); NULL: the command checks it
     const char *word; // by which the commands that have the option name it, in a table for several
 } pm_option;
 
@@ -61,7 +62,8 @@ typedef struct pm_options {
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to
 // it by "=". After "--" all arguments are positional. Texts point into argv. PM_HELPED: --help or
 // -h was among the arguments, and the help went to standard output. PM_EUSAGE names the offending
-// argument. PM_EFILE: there is no folder for an output.
+// argument. Notes the positional arguments as inputs, and fails for an output with a kind as
+// pm_files_check_output does. PM_EFILE: there is no folder for an output.
 pm_status pm_options_read(const pm_options *options, int argc, char **argv);
 
 // Reads a range of the trajectories 0 ... count - 1: "A:B" means A up to, not including, B; "A:"

@@ -1,7 +1,9 @@
 // Finds the Python package from the folder of the running program.
 #include "base/python.h"
 
+#include <dirent.h>
 #include <errno.h>
+#include <fnmatch.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,8 +13,6 @@
 #include "base/child.h"
 #include "base/files.h"
 
-#define PICTURE_TABLE "#: the table of a picture" // its first line
-
 // The package, from the folder of the running program: in the tree of the build, for programs of
 // tests there, and where `cmake --install` puts it.
 static const char *const places[] = {"../daemon/python/portmet", "../../daemon/python/portmet",
@@ -21,6 +21,26 @@ static const char *const places[] = {"../daemon/python/portmet", "../../daemon/p
 const pm_python_program pm_python_pictures = {
     "pictures", "pictures: python3 or gnuplot is not installed (Debian: python3 python3-h5py "
                 "gnuplot-nox)"};
+
+// The files that the pictures of a kind replace: a pattern of fnmatch for what follows the
+// beginning of the path, which is that of a folder or of the files.
+static const struct {
+    const char *kind;
+    bool in_folder;
+    const char *pattern;
+} drawn[] = {
+    {"fit", true, "fit.@(gp|png)"},
+    {"evaluation", true,
+     "@(?(trained_)@(trajectories|snapshots).txt|states.txt|@(growth|laws).txt|"
+     "@(errors|trajectory|growth|laws).@(gp|png))"},
+    {"estimate", true, "@(predictions.h5|@(coverage|prediction_+([0-9])).@(txt|gp|png))"},
+    {"columns", true, "measured.@(txt|gp|png)"},
+    {"boxes", true, "@(errors.@(txt|gp|png)|test.txt|trained.txt)"},
+    {"bench", false, ".@(txt|gp|png|svg)"},
+    {"stress", false, ".@(txt|gp|png|svg)"},
+    {"bodies", false, ".gp"},
+    {"xdmf", false, ".xdmf"},
+};
 
 pm_status pm_python_run(const pm_python_program *program, const char *const *argument, bool quiet) {
     char path[2 * PATH_MAX + 64] = "/proc is needed", own[PATH_MAX];
@@ -78,24 +98,51 @@ pm_status pm_python_folder(const char *folder) {
                : pm_fail(PM_EFILE, "%s: %s", folder, strerror(errno));
 }
 
-pm_status pm_python_table(FILE **file, const char *folder, const char *name) {
-    char path[PATH_MAX];
-    if ((size_t)snprintf(path, sizeof path, "%s/%s", folder, name) >= sizeof path) {
-        return pm_fail(PM_EFILE, "%s: the path is too long", folder);
+pm_status pm_python_check_pictures(const char *kind, const char *start) {
+    size_t k = 0;
+    while (strcmp(drawn[k].kind, kind) != 0) {
+        ++k;
     }
-    return pm_files_create(file, path, NULL);
+    const char *slash = drawn[k].in_folder ? start + strlen(start) : strrchr(start, '/');
+    const char *base = drawn[k].in_folder ? "" : slash == NULL ? start : slash + 1;
+    const int length = slash == NULL ? 0 : (int)(slash - start);
+    char path[PATH_MAX];
+    if (snprintf(path, sizeof path, "%.*s/", length, start) >= (int)sizeof path) {
+        return pm_fail(PM_EFILE, "%s: the path is too long", start);
+    }
+    DIR *folder = opendir(slash == NULL ? "." : path);
+    if (folder == NULL) { // of one that is not there nothing is replaced
+        return errno == ENOENT
+                   ? PM_OK
+                   : pm_fail(PM_EFILE, "%s: %s", slash == NULL ? "." : path, strerror(errno));
+    }
+    pm_status status = PM_OK;
+    const struct dirent *entry;
+    while (status == PM_OK && (entry = readdir(folder)) != NULL) {
+        const char *name = entry->d_name;
+        if (strncmp(name, base, strlen(base)) != 0 ||
+            fnmatch(drawn[k].pattern, name + strlen(base), FNM_EXTMATCH) != 0) {
+            continue;
+        }
+        const bool numbers = fnmatch("*.h5", name, 0) == 0;
+        if (snprintf(path, sizeof path, "%.*s%s%s", length, start, slash == NULL ? "" : "/",
+                     name) >= (int)sizeof path) {
+            status = pm_fail(PM_EFILE, "%s: the path is too long", start);
+        } else {
+            status = pm_files_check_output(path, numbers ? PM_FILES_HDF5 : PM_FILES_PICTURE);
+        }
+    }
+    closedir(folder);
+    return status;
 }
 
-pm_status pm_python_picture_table(FILE **file, const char *name) {
+pm_status pm_python_table(FILE **file, const char *start, const char *end) {
     char path[PATH_MAX];
-    if ((size_t)snprintf(path, sizeof path, "%s.txt", name) >= sizeof path) {
-        return pm_fail(PM_EFILE, "%s: the path is too long", name);
+    if ((size_t)snprintf(path, sizeof path, "%s%s", start, end) >= sizeof path) {
+        return pm_fail(PM_EFILE, "%s: the path is too long", start);
     }
-    if (file == NULL) {
-        return pm_files_check_output(path, PICTURE_TABLE);
-    }
-    PM_TRY(pm_files_create(file, path, PICTURE_TABLE));
-    fputs(PICTURE_TABLE "\n", *file);
+    PM_TRY(pm_files_create(file, path, PM_FILES_PICTURE));
+    fputs(PM_FILES_PICTURE "\n", *file);
     return PM_OK;
 }
 

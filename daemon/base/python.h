@@ -23,12 +23,15 @@ pm_status pm_python_run(const pm_python_program *program, const char *const *arg
 
 // Makes `folder`, if it is missing, in one that exists. PM_EFILE.
 pm_status pm_python_folder(const char *folder);
-// Opens the table of numbers `name` in `folder` for writing, and closes it. PM_EFILE.
-pm_status pm_python_table(FILE **file, const char *folder, const char *name);
-pm_status pm_python_table_close(FILE *file, const char *folder);
-// Opens NAME.txt, the table of the picture NAME, for writing; with file == NULL it only checks that
-// it may. The caller closes it. PM_EUSAGE: the program reads this file; PM_EFILE, also if it is
-// none that this function has begun.
-pm_status pm_python_picture_table(FILE **file, const char *name);
+// Checks that the pictures of a `kind`, with their scripts and tables, may be written. `start` is
+// the folder for which the program of pictures is called, or for the kinds bench, stress, bodies
+// and xdmf the path without its ending. To be called before the work that leads to the pictures.
+// PM_EUSAGE: the program reads one of the files. PM_EFILE: one is of no picture
+// (base/files.h: PM_FILES_PICTURE), or cannot be written.
+pm_status pm_python_check_pictures(const char *kind, const char *start);
+// Opens the file `start``end`, such as "folder" and "/errors.txt", for writing, begins it as the
+// table of a picture, and closes it. PM_EFILE; PM_EUSAGE: the program reads this file.
+pm_status pm_python_table(FILE **file, const char *start, const char *end);
+pm_status pm_python_table_close(FILE *file, const char *start);
 
 #endif

@@ -41,7 +41,7 @@ below 2 "dissipated energy"
 if command -v gnuplot >/dev/null; then
     says 0 "wrote" "$train" respond "$folder/body.h5" --weights configs/weights/solid_beam/material.h5 --plot "$folder/plot" \
         -o "$folder/learned.h5"
-    [ -s "$folder/plot/errors.png" ] && [ "$(wc -l <"$folder/plot/errors.txt")" -eq 2 ] || fail "no box plots"
+    [ -s "$folder/plot/errors.png" ] && [ "$(wc -l <"$folder/plot/errors.txt")" -eq 3 ] || fail "no box plots"
     says 0 "wrote" "$train" picture "$folder/body.h5" "$folder/learned.h5" --error -o "$folder/error.png"
     [ "$(grep -c '^splot' "$folder/error.gp")" -eq 3 ] || fail "expected three panels"
 fi

@@ -82,6 +82,84 @@ expect 4 "unused.h5: this file exists and is of another kind" truth "$folder/tru
 expect 4 "unused.h5: this file exists and is of another kind" import "$folder/table.csv" -o "$folder/unused.h5"
 cmp -s "$folder/left.h5" "$folder/unused.h5" || fail "weights have been replaced"
 
+# A link is no output, wherever it leads.
+: >"$folder/empty.h5"
+for end in /dev/null "$folder/pipe" "$folder/empty.h5" "$folder/nothing.h5"; do
+    ln -s "$end" "$folder/symbolic.h5"
+    expect 4 "symbolic.h5: this is a symbolic link, and is not replaced" truth "$folder/truth.yaml" -o "$folder/symbolic.h5"
+    [ -L "$folder/symbolic.h5" ] || fail "a link to $end has been replaced"
+    rm "$folder/symbolic.h5"
+done
+[ ! -e "$folder/nothing.h5" ] && [ ! -s "$folder/empty.h5" ] || fail "the end of a link has been written"
+
+# kept FILE ARGUMENT...: FILE, which is a letter, is none of the files that the command replaces beside its output.
+kept() {
+    taken=$1
+    shift
+    cp "$folder/letter" "$taken"
+    expect 4 "$taken: this file exists and is of another kind" "$@"
+    cmp -s "$folder/letter" "$taken" || fail "${program##*/} $* has replaced $taken"
+    [ ! -s "$folder/out" ] || fail "${program##*/} $* has begun before it refuses $taken"
+    rm "$taken"
+}
+
+# Neither the scripts and tables of pictures nor the pictures replace what is not theirs, or an input.
+mkdir "$folder/drawn" "$folder/bands"
+for name in trajectories.txt trained_snapshots.txt states.txt errors.png errors.gp growth.txt laws.txt laws.png; do
+    kept "$folder/drawn/$name" evaluate "$scene" --data "$data" --plot "$folder/drawn"
+done
+for name in predictions.h5 coverage.txt prediction_3.png; do
+    kept "$folder/bands/$name" evaluate "$scene" --data "$data" --estimate 1 --plot "$folder/bands"
+done
+cp "$folder/table.csv" "$folder/drawn/measured.txt"
+refuse "$folder/drawn/measured.txt" inspect "$folder/drawn/measured.txt" --plot "$folder/drawn"
+expect 4 "measured.txt: this file exists and is of another kind" inspect "$folder/table.csv" --plot "$folder/drawn"
+cmp -s "$folder/table.csv" "$folder/drawn/measured.txt" || fail "inspect has replaced measurements"
+rm "$folder/drawn/measured.txt"
+for name in growth laws; do # even if it has the mark of a table of a picture
+    (echo "#: of a picture by portmet" && cat "$folder/table.csv") >"$folder/drawn/$name.txt"
+    refuse "$folder/drawn/$name.txt" evaluate "$scene" --data "$folder/drawn/$name.txt" --plot "$folder/drawn"
+done
+if command -v gnuplot >/dev/null; then
+    for again in 1 2; do # the program knows its own files again
+        succeed "samples" inspect "$folder/table.csv" --plot "$folder/drawn"
+        "$train" evaluate "$scene" --data "$data" --plot "$folder/drawn" >"$folder/out" 2>"$folder/err" || fail "evaluate --plot"
+        program=$portmetd
+        succeed "" stress "$scene" --steps 2 --picture "$folder/map"
+        program=$train
+    done
+    gnuplot -e "set terminal pngcairo; set output '$folder/drawn/growth.png'; plot x"
+    cp "$folder/drawn/growth.png" "$folder/own.png"
+    expect 4 "growth.png: this file exists and is of another kind" evaluate "$scene" --data "$data" --plot "$folder/drawn"
+    cmp -s "$folder/own.png" "$folder/drawn/growth.png" || fail "evaluate has replaced a picture"
+fi
+for ending in gp png svg; do
+    program=$portmetd
+    kept "$folder/place.$ending" bench "$scene" --picture "$folder/place"
+    program=$train
+done
+
+# Fields have a description beside them, and pictures of them a script.
+configs=$(dirname "$truth")/..
+sed -e 's/elements: .*/elements: [4, 1, 1]/; s/states: .*/states: 4/' "$configs/truth/beam.yaml" >"$folder/beam.yaml"
+sed -e 's/elements: .*/elements: [4, 1, 1]/; s/states: .*/states: 4/' "$configs/truth/crossed_beams.yaml" >"$folder/beams.yaml"
+for name in beam.xdmf beams_lower.xdmf beams_upper.xdmf beams_upper.h5; do
+    kept "$folder/$name" truth "$folder/${name%%[_.]*}.yaml" -o "$folder/${name%%[_.]*}.h5" --trajectories 0:1
+done
+for again in 1 2; do
+    succeed "wrote" truth "$folder/beam.yaml" -o "$folder/beam.h5" --trajectories 0:1
+done
+weights=$configs/weights/solid_beam/material.h5
+kept "$folder/keep.xdmf" respond "$folder/beam.h5" --weights "$weights" -o "$folder/keep.h5"
+kept "$folder/drawn/errors.txt" respond "$folder/beam.h5" --weights "$weights" --plot "$folder/drawn"
+kept "$folder/keep.xdmf" correct "$folder/beam.h5" --by "$folder/beam.h5" -o "$folder/keep.h5"
+kept "$folder/keep.gp" picture "$folder/beam.h5" -o "$folder/keep.png"
+kept "$folder/keep.png" picture "$folder/beam.h5" -o "$folder/keep.png"
+cp "$folder/beam.h5" "$folder/beside.h5"
+refuse "$folder/beside.h5" picture "$folder/beam.h5" --beside "$folder/beam.h5,$folder/beside.h5" -o "$folder/beside.h5"
+refuse "$folder/beam.h5" solid "$folder/beam.h5" -o "$folder/beam.h5"
+[ ! -s "$folder/out" ] || fail "solid has learned before it refuses its output"
+
 # What the program has written it may read and write again.
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
 succeed "wrote" truth "$folder/truth.yaml" -o "$folder/new.h5"
@@ -103,6 +181,16 @@ mkdir "$folder/taken"
 cp "$folder/letter" "$folder/taken/fit.csv"
 "$train" fit "$folder/moved/drafts/pendulum/training.yaml" -o "$folder/taken" >"$folder/out" 2>&1
 [ $? -eq 4 ] && cmp -s "$folder/letter" "$folder/taken/fit.csv" || fail "fit replaces a letter"
+rm "$folder/taken/fit.csv"
+for name in advice.yaml advice_scene.yaml fit.gp fit.png; do # neither written nor removed, and refused before the work
+    cp "$folder/letter" "$folder/taken/$name"
+    expect 4 "$name: this file exists and is of another kind" fit "$folder/moved/drafts/pendulum/training.yaml" -o "$folder/taken"
+    cmp -s "$folder/letter" "$folder/taken/$name" || fail "fit replaces $name"
+    [ ! -s "$folder/out" ] || fail "fit has begun before it refuses $name"
+    rm "$folder/taken/$name"
+done
+cp "$folder/moved/drafts/pendulum/training.yaml" "$folder/moved/drafts/pendulum/advice.yaml"
+refuse "$folder/moved/drafts/pendulum/advice.yaml" fit "$folder/moved/drafts/pendulum/advice.yaml" -o "$folder/moved/drafts/pendulum"
 "$train" fit "$folder/moved/drafts/pendulum/training.yaml" -o "$folder/weights" >"$folder/fitted" 2>&1 ||
     fail "fit of a moved proposal: $(tail -n 3 "$folder/fitted")"
 finish

@@ -10,8 +10,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "base/progress.h"
+#include "base/python.h"
 #include "command/tables.h"
 #include "data/unit_change.h"
 #include "evaluate/evaluate.h"
@@ -120,7 +122,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
          .help = "take the weights files from DIR instead of where the scene says"},
         {"--record", NULL, "FILE", NULL, &a.record, false,
          .help = "write the predicted trajectories as a dataset like the given one",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_HDF5},
         {"--plot", NULL, "DIR", NULL, &a.plot, false,
          .help = "draw errors, error growth, laws and trajectories into DIR (gnuplot); with bands "
                  "after "
@@ -131,7 +133,7 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
              "`estimate` of the reference in the scene"},
         {"--states", NULL, "FILE", NULL, &a.states, false,
          .help = "with --estimate: write the predicted states, from which portmetd can start a run",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_HDF5},
         {"--data-set", NULL, "NAME", NULL, &a.data_set, false,
          .help = "with --estimate: the dataset in FILE, such as z_noise; default: z"},
         {"--truth", NULL, "FILE", NULL, &a.truth, false,
@@ -167,9 +169,13 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     PM_TRY_DONE(pm_options_read(&options, argc, argv));
     PM_TRY_DONE(pm_data_open(&data, &given, NULL, a.json));
     a.data = data.path;
+    pm_files_note_input(a.data);
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
     seconds = seconds == 0 ? j.scene->run.reference_estimate : seconds; // as in a run
+    if (a.plot != NULL) {
+        PM_TRY_DONE(pm_python_check_pictures(seconds > 0 ? "estimate" : "evaluation", a.plot));
+    }
     if (seconds > 0) {
         status = pm_evaluate_from_estimate(j.system, &a, seconds, stop);
         goto done;

@@ -95,21 +95,19 @@ static pm_status train_black_box(pm_fit *f, const volatile sig_atomic_t *stop,
     return status;
 }
 
-// Tries what a fit to states with this result may lack, if it is not good, for at most half of the
-// CPU time of the training. Returns the result.
-static pm_status advise(const pm_fit *f, pm_status result, const volatile sig_atomic_t *stop) {
-    double budget = PM_PROPOSAL_BUDGET;
-    char path[PATH_MAX], error[512];
+// Tries what a fit to states with this result may lack, if it is not good, for `budget` s of CPU
+// time, but at most half of that of the training, and writes it to `path`. Returns the result.
+static pm_status advise(const pm_fit *f, pm_status result, double budget, const char *path,
+                        const volatile sig_atomic_t *stop) {
+    char error[512];
     const bool good = result == PM_OK && strncmp(f->verdict, "good", strlen("good")) == 0;
     if (good || (result != PM_OK && result != PM_EUNFIT) || f->curves == NULL ||
         f->kind != &pm_fit_of_states || f->arguments->team != NULL) {
         return result;
     }
     snprintf(error, sizeof error, "%s", pm_error());
-    snprintf(path, sizeof path, "%s/advice.yaml", f->arguments->output);
-    pm_status status = pm_command_budget(f->arguments->budget, &budget);
-    budget = fmin(budget, ADVICE_SHARE * pm_fit_processor_time(f));
-    status = status == PM_OK && budget > 0 ? pm_advise(f, budget, stop, path, stdout) : status;
+    const double share = fmin(budget, ADVICE_SHARE * pm_fit_processor_time(f));
+    const pm_status status = share > 0 ? pm_advise(f, share, stop, path, stdout) : PM_OK;
     // The fit is complete, whether or not this was interrupted.
     return status != PM_OK && status != PM_EINTERRUPTED ? status
            : result == PM_OK                            ? PM_OK
@@ -121,7 +119,15 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
     char *training = NULL;
     pm_fit f;
     pm_measure black_box = {.ncell = 0};
-    pm_status status = propose(a, stop, &training);
+    char advice[PATH_MAX];
+    snprintf(advice, sizeof advice, "%s/advice.yaml", a->output);
+    double budget = PM_PROPOSAL_BUDGET;
+    pm_status status = pm_command_budget(a->budget, &budget);
+    if (status == PM_OK && pm_team_leads(a->team)) { // before the work
+        status = budget > 0 ? pm_advise_check(advice) : PM_OK;
+        status = status == PM_OK ? pm_python_check_pictures("fit", a->output) : status;
+    }
+    status = status == PM_OK ? propose(a, stop, &training) : status;
     if (status == PM_OK) {
         status = train(&f, a, stop, true);
         if (f.interrupted && pm_team_leads(a->team)) {
@@ -139,7 +145,7 @@ static pm_status fit(pm_fit_arguments *a, const volatile sig_atomic_t *stop) {
                 status = pm_fit_report(&f, a->black_box ? &black_box : NULL);
             }
         }
-        status = advise(&f, status, stop);
+        status = advise(&f, status, budget, advice, stop);
         pm_measure_free(&black_box);
         pm_fit_close(&f);
     }

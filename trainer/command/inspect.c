@@ -153,6 +153,7 @@ pm_status pm_command_inspect(int argc, char **argv, const volatile sig_atomic_t 
         ++given.count;
     }
     PM_TRY_DONE(pm_data_open(&data, &given, NULL, false));
+    PM_TRY_DONE(folder == NULL ? PM_OK : pm_python_check_pictures("columns", folder));
     PM_TRY_DONE(pm_dataset_load_measured(&d, data.path, name));
     PM_TRY_DONE(pm_dataset_units(d, &d->arena, &unit));
     work = pm_arena_array(&d->arena, (size_t)d->ntrajectory * (size_t)d->ntime + 1, sizeof *work);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "base/progress.h"
 #include "base/rng.h"
@@ -157,7 +158,7 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
     int64_t seed = 1;
     const pm_option table[] = {
         {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_HDF5},
         {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
          .help = "only the trajectories from A up to, but not including, B"},
         {"--noise", NULL, "X", .positive = &noise,

@@ -44,7 +44,7 @@ static pm_status write_states(const pm_evaluation *e, const char *folder) {
     const pm_columns *c = &e->columns;
     const pm_physics *physics = &e->system->scene->physics;
     FILE *file;
-    PM_TRY(pm_python_table(&file, folder, "states.txt"));
+    PM_TRY(pm_python_table(&file, folder, "/states.txt"));
     fprintf(file, "# %d", e->rollout[0].trajectory);
     for (int g = 0; g < c->ngroup; ++g) {
         const pm_group *group = NULL; // the first group with this name in any subsystem
@@ -81,11 +81,11 @@ static pm_status write_states(const pm_evaluation *e, const char *folder) {
 pm_status pm_evaluation_plot(const pm_evaluation *e, const pm_evaluation *trained,
                              const char *folder) {
     PM_TRY(pm_python_folder(folder));
-    PM_TRY(write_errors(e, folder, "trajectories.txt", false));
-    PM_TRY(write_errors(e, folder, "snapshots.txt", true));
+    PM_TRY(write_errors(e, folder, "/trajectories.txt", false));
+    PM_TRY(write_errors(e, folder, "/snapshots.txt", true));
     if (trained != NULL) {
-        PM_TRY(write_errors(trained, folder, "trained_trajectories.txt", false));
-        PM_TRY(write_errors(trained, folder, "trained_snapshots.txt", true));
+        PM_TRY(write_errors(trained, folder, "/trained_trajectories.txt", false));
+        PM_TRY(write_errors(trained, folder, "/trained_snapshots.txt", true));
     }
     PM_TRY(write_states(e, folder));
     return pm_python_run(&pm_python_pictures, (const char *[]){"evaluation", folder, NULL}, false);

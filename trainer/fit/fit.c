@@ -124,6 +124,11 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
         flock(f->folder, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
         return pm_fail(PM_EFILE, "%s: another fit writes into this folder", arguments->output);
     }
+    const bool leads = pm_team_leads(arguments->team);
+    const char *path =
+        leads ? pm_arena_printf(&f->arena, "%s/fit.csv", arguments->output) : "/dev/null";
+    PM_TRY(pm_arena_status(&f->arena, "a path"));
+    PM_TRY(leads ? pm_files_check_output(path, CURVES) : PM_OK);
     f->size = pm_trained_count(t->system);
     printf("%s: %d weights, trajectories %s of ", arguments->config, f->size, f->split.training);
     f->kind->describe(f);
@@ -151,11 +156,6 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
         }
         PM_TRY(begun);
     }
-    const char *path = pm_team_leads(f->arguments->team)
-                           ? pm_arena_printf(&f->arena, "%s/fit.csv", f->arguments->output)
-                           : "/dev/null";
-    PM_TRY(pm_arena_status(&f->arena, "a path"));
-    PM_TRY(pm_files_check_output(path, pm_team_leads(f->arguments->team) ? CURVES : NULL));
     const bool further = f->arguments->resume && access(path, F_OK) == 0;
     f->curves = fopen(path, further ? "a" : "w");
     if (f->curves == NULL) {

@@ -17,6 +17,8 @@
 #include "propose/view.h"
 #include "store/yaml.h"
 
+#define ADVISED \
+    "# Advised by portmet-train fit" // the first line of advice, which replaces no other file
 #define MOST_CHANGES 256
 #define MUCH_BETTER 0.5 // what the errors must fall to, so that a hypothesis is named
 #define PERCENT 100
@@ -418,8 +420,8 @@ static void apply(const advice *a, changes *c, const question *q, lack lacks, ad
 static pm_status write_changed(const char *path, const char *comment, pm_yaml root, int count,
                                pm_yaml_change *list) {
     FILE *file;
-    PM_TRY(pm_files_create(&file, path, NULL));
-    fputs(comment, file);
+    PM_TRY(pm_files_create(&file, path, ADVISED));
+    fprintf(file, ADVISED ".\n%s", comment);
     pm_yaml_write_changed(root.document, count, list, file);
     const bool failed = ferror(file) != 0;
     return fclose(file) == 0 && !failed ? PM_OK : pm_fail(PM_EFILE, "%s: cannot be written", path);
@@ -554,6 +556,13 @@ static void print_outcome(const advice *a, const pm_search_outcome *o, const cha
     fprintf(out, ". %s has the change.\n", path);
 }
 
+pm_status pm_advise_check(const char *path) {
+    char scene[PATH_MAX];
+    snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
+    PM_TRY(pm_files_check_output(path, ADVISED));
+    return pm_files_check_output(scene, ADVISED);
+}
+
 pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_t *stop,
                     const char *path, FILE *out) {
     const pm_training *t = fit->training;
@@ -563,6 +572,7 @@ pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_
     pm_status status;
     bool looked = false;
     PM_TRY_DONE(a == NULL ? pm_fail(PM_ENOMEM, "out of memory for advice") : PM_OK);
+    PM_TRY_DONE(pm_advise_check(path)); // what is left of an earlier fit may be removed
     PM_TRY_DONE(pm_look_make(&a->look, t->scene, fit->dataset));
     looked = true;
     a->fit = fit;

@@ -1,5 +1,4 @@
 // portmet-train correct: corrects the fields of a simulation by better known fields.
-#include "base/files.h"
 #include "base/options.h"
 #include "base/python.h"
 #include "bodies/bodies.h"
@@ -43,7 +42,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
     PM_TRY_DONE(pm_field_load(&own, a.fields));
     PM_TRY_DONE(pm_field_load(&known, a.known));
     PM_TRY_DONE(pm_trajectories_list(a.trajectories, known->ntrajectory, &arena, &which, &count));
-    PM_TRY_DONE(pm_files_check_output(a.output, PM_FILES_HDF5));
+    PM_TRY_DONE(pm_fields_check(a.output));
     for (int i = 0; i < count && list != NULL; ++i) {
         list = pm_arena_printf(&arena, "%s%s%d", list, i > 0 ? "," : "", which[i]);
     }

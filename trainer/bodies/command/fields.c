@@ -1,9 +1,12 @@
 // Writes notes, fields, their XDMF files, and datasets.
 #include "bodies/command/fields.h"
 
+#include <limits.h>
 #include <stdio.h>
 
+#include "base/files.h"
 #include "base/options.h"
+#include "base/path.h"
 #include "base/python.h"
 
 pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int **which,
@@ -11,6 +14,16 @@ pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int 
     *which = pm_arena_array(arena, (size_t)most, sizeof **which);
     PM_TRY(pm_arena_status(arena, "a list of trajectories"));
     return pm_options_list(text, most, *which, count);
+}
+
+pm_status pm_fields_check(const char *path) {
+    if (path == NULL) {
+        return PM_OK;
+    }
+    char stem[PATH_MAX];
+    snprintf(stem, sizeof stem, "%.*s", (int)pm_path_stem(path), path);
+    PM_TRY(pm_files_check_output(path, PM_FILES_HDF5));
+    return pm_python_check_pictures("xdmf", stem);
 }
 
 pm_status pm_xdmf_save(const pm_field *field, const char *path) {

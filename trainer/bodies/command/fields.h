@@ -11,6 +11,10 @@
 pm_status pm_trajectories_list(const char *text, int most, pm_arena *arena, int **which,
                                int *count);
 
+// Checks, before the fields are made, that they and their XDMF file may be written to `path`, which
+// may be NULL: nothing will be. Fails as pm_files_check_output does.
+pm_status pm_fields_check(const char *path);
+
 // Describes the file that pm_field_save wrote from this field to `path` in XDMF, version 2
 // (https://www.xdmf.org), so that ParaView's "XDMF Reader" and similar tools can open it. The
 // description holds, for each trajectory, the deformed hexahedra over time with displacement u,

@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "bodies/bodies.h"
 #include "bodies/solid/solid_nodes.h"
@@ -16,7 +17,8 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     double temperature = PM_DEFAULT_TEMPERATURE;
     int64_t nstate = 0; // 0: all
     const pm_option table[] = {
-        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, .help = "mesh to write (HDF5)"},
+        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, .help = "mesh to write (HDF5)",
+         .is_output = true, .kind = PM_FILES_HDF5},
         {"--temperature", NULL, "T", .positive = &temperature,
          .help = "K, at which dissipated energy becomes entropy (default: 300)"},
         {"--states", NULL, "N", .count = &nstate, .least = 1, .most = INT32_MAX,
@@ -24,7 +26,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
          .help = "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
         {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_HDF5},
     };
     const pm_options options = {
         .usage = "portmet-train nodes FIELDS --mesh FILE -o FILE [options]",

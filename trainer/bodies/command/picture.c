@@ -1,10 +1,13 @@
 // portmet-train picture: draws bodies of field files at one time, by the Python package, which
 // reads the same options.
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/options.h"
+#include "base/path.h"
 #include "base/python.h"
 #include "bodies/bodies.h"
 
@@ -49,6 +52,16 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
+    char path[PATH_MAX];
+    for (const char *at = a.beside; at != NULL && *at != '\0';) {
+        const int length = (int)strcspn(at, ",");
+        snprintf(path, sizeof path, "%.*s", length, at);
+        pm_files_note_input(path);
+        at += length + (at[length] == ',');
+    }
+    PM_TRY(pm_files_check_output(a.output, PM_FILES_PICTURE));
+    snprintf(path, sizeof path, "%.*s", (int)pm_path_stem(a.output), a.output);
+    PM_TRY(pm_python_check_pictures("bodies", path));
     const char **argument = calloc((size_t)argc + 1, sizeof *argument);
     PM_TRY(pm_allocated(argument, "a picture"));
     argument[0] = "bodies";

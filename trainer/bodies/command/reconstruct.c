@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "base/python.h"
 #include "bodies/bodies.h"
@@ -57,7 +58,7 @@ static void print_part(const field_report *r, bool trained, double *column) {
 // Writes the errors in %, one row for each trajectory that training saw, or did not see.
 static pm_status write_numbers(const field_report *r, const char *folder, bool trained) {
     FILE *file;
-    PM_TRY(pm_python_table(&file, folder, trained ? "trained.txt" : "test.txt"));
+    PM_TRY(pm_python_table(&file, folder, trained ? "/trained.txt" : "/test.txt"));
     for (int i = 0; i < r->count; ++i) {
         const double *error = r->error + (ptrdiff_t)i * PM_FIELD_NERROR;
         if (r->trained[i] == trained) {
@@ -157,7 +158,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
         {"--plot", NULL, "DIR", NULL, &a.plot, false,
          .help = "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a.output, false, .help = "write the fields (HDF5)",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_HDF5},
     };
     const pm_options options = {
         .usage = "portmet-train reconstruct DATASET {--basis FILE | --truth FILE} [options]",
@@ -200,6 +201,8 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
                                 dataset->ntrajectory, a.dataset, count));
         }
     }
+    PM_TRY_DONE(a.plot == NULL ? PM_OK : pm_python_check_pictures("boxes", a.plot));
+    PM_TRY_DONE(pm_fields_check(a.output));
     if (a.basis != NULL) {
         PM_TRY_DONE(make_from_modes(&a, dataset, truth, trajectory, &field));
     } else if (dataset->ntime != truth->ntime) {

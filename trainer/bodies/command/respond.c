@@ -5,6 +5,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "base/python.h"
 #include "bodies/bodies.h"
@@ -151,7 +152,7 @@ static pm_status plot_errors(int nscore, int count, const response *r, const cha
                                                        "dissipated"};
     FILE *file;
     PM_TRY(pm_python_folder(folder));
-    PM_TRY(pm_python_table(&file, folder, "errors.txt"));
+    PM_TRY(pm_python_table(&file, folder, "/errors.txt"));
     for (int i = 0; i < count; ++i) {
         for (int k = 0; k < nscore; ++k) {
             fprintf(file, "%.6g%s", 100 * r[i].error[k], k + 1 < nscore ? " " : "\n");
@@ -174,7 +175,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
         {"--plot", NULL, "DIR", NULL, &a.plot, false,
          .help = "draw box plots of the errors (gnuplot)"},
         {"--output", "-o", "FILE", NULL, &a.output, false,
-         .help = "fields to write (HDF5, with XDMF)", .is_output = true},
+         .help = "fields to write (HDF5, with XDMF)", .is_output = true, .kind = PM_FILES_HDF5},
     };
     const pm_options options = {
         .usage = "portmet-train respond FIELDS --weights FILE [options]",
@@ -203,6 +204,8 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
     if (pm_part_kind_of(&part) != PM_PART_SOLID) {
         PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: expected weights of a solid", a.weights));
     }
+    PM_TRY_DONE(a.plot == NULL ? PM_OK : pm_python_check_pictures("boxes", a.plot));
+    PM_TRY_DONE(pm_fields_check(a.output));
     pm_solid_material_read(part.spec.solid, &part.params, &material);
     PM_TRY_DONE(pm_field_load(&field, a.fields));
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));

@@ -3,6 +3,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "base/files.h"
 #include "base/options.h"
 #include "bodies/bodies.h"
 #include "bodies/solid/solid_fit.h"
@@ -38,7 +39,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
         {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
          .help = "only these of each file, such as 0:3 (not including 3), or 0,3,6:9"},
         {"--output", "-o", "FILE", NULL, &a.output, true, .help = "weights to write (HDF5)",
-         .is_output = true},
+         .is_output = true, .kind = PM_FILES_WEIGHTS},
     };
     const pm_options options = {
         .usage = "portmet-train solid FIELD [FIELD...] -o FILE [options]",

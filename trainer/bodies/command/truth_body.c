@@ -79,10 +79,18 @@ static pm_status write_fields(const pm_truth *truth, int first, int count, const
     pm_progress progress;
     pm_status status;
     pm_field **field = pm_arena_array(&arena, (size_t)nbody, sizeof *field);
+    const char **own = pm_arena_array(&arena, (size_t)nbody, sizeof *own); // the file of each body
     PM_TRY_DONE(pm_arena_status(&arena, "bodies"));
     for (int k = 0; k < nbody; ++k) {
         PM_TRY_DONE(pm_field_new(&field[k], shape, truth->dt, PM_BODY_VARIABLES));
         pm_beam_describe(system, k, field[k]);
+    }
+    for (int k = 0; k < nbody; ++k) {
+        own[k] =
+            !named ? path
+                   : pm_arena_printf(&arena, "%.*s_%s%s", stem, path, system->name[k], path + stem);
+        PM_TRY_DONE(pm_arena_status(&arena, "paths"));
+        PM_TRY_DONE(pm_fields_check(own[k]));
     }
     pm_progress_init(&progress, "truth", count);
     for (int i = 0; i < count && status == PM_OK; ++i) {
@@ -96,10 +104,8 @@ static pm_status write_fields(const pm_truth *truth, int first, int count, const
     PM_TRY_DONE(status);
     print_report(nbody, system->name, field);
     const char *seed = pm_arena_printf(&arena, "%llu", (unsigned long long)truth->seed);
+    PM_TRY_DONE(pm_arena_status(&arena, "notes"));
     for (int k = 0; k < nbody; ++k) {
-        const char *own =
-            !named ? path
-                   : pm_arena_printf(&arena, "%.*s_%s%s", stem, path, system->name[k], path + stem);
         const char *const notes[][2] = {
             {"title", model->title},
             {"source", "portmet-train truth"},
@@ -110,11 +116,10 @@ static pm_status write_fields(const pm_truth *truth, int first, int count, const
             {"beam", named ? system->name[k] : ""},
             {"placement", named ? system->placement[k] : ""},
         };
-        PM_TRY_DONE(pm_arena_status(&arena, "notes"));
-        PM_TRY_DONE(pm_field_save(field[k], own,
+        PM_TRY_DONE(pm_field_save(field[k], own[k],
                                   (int)(sizeof notes / sizeof *notes) - (named ? 0 : 2), notes));
-        PM_TRY_DONE(pm_xdmf_save(field[k], own));
-        printf("wrote %s: %d trajectories of %d states, %g s apart, %d nodes\n", own, count,
+        PM_TRY_DONE(pm_xdmf_save(field[k], own[k]));
+        printf("wrote %s: %d trajectories of %d states, %g s apart, %d nodes\n", own[k], count,
                truth->ntime, truth->dt, field[k]->nnode);
     }
 done:

@@ -119,9 +119,6 @@ def draw(*words):
     for field in how.field + how.beside:
         if os.path.exists(field) and not os.path.isfile(field):
             raise Refused(FILE, f"{field}: this is not a regular file, and is not read")
-    for path in script, how.output:
-        if any(os.path.exists(path) and os.path.samefile(path, field) for field in how.field + how.beside):
-            raise Refused(USAGE, f"{path}: the picture or its script would replace this file; choose another name")
     bodies = [Body(path, how.trajectory[0], how.time) for path in how.field]
     if how.time is None:
         how.time = bodies[0].time
@@ -150,4 +147,4 @@ def draw(*words):
         "set pm3d depthorder corners2color mean border linecolor '#404040' linewidth 0.3\n"
         "set view 65, 30, 2.4\nset view equal xyz\nset xyplane 0\nunset border\nunset tics\nunset key\nset cbtics\n"
         f"set lmargin 0\nset rmargin 0\nset bmargin 0\nset colorbox user origin 0.88, {at:g} size 0.02, {size:g}\n" +
-        (f"set multiplot layout {len(text)},1\n" if len(text) > 1 else "") + "".join(text))
+        (f"set multiplot layout {len(text)},1\n" if len(text) > 1 else "") + "".join(text), how.output)

@@ -4,7 +4,7 @@ import math
 import os
 import statistics
 
-from gnuplot import LOG_AXIS, Refused, colour, picture, quoted
+from gnuplot import LOG_AXIS, MARK, Refused, colour, create, picture, quoted
 
 FEWEST_ROWS = 3  # of fit.csv: gnuplot warns about empty ranges
 MOST_POINTS = 250  # of a true trajectory; more would overlap
@@ -31,14 +31,15 @@ def fit(folder):
 
 
 def table(path):
-    """Reads a table: the names behind `#` in its first line, and its rows of numbers."""
+    """Reads a table: the names behind `#` in the line below the mark, and its rows of numbers."""
     with open(path) as file:
+        file.readline()
         names = file.readline().lstrip("# ").split()
         return names, [[float(x) for x in line.split()] for line in file]
 
 
 def write(path, rows):
-    with open(path, "w") as file:
+    with create(path) as file:
         for row in rows:
             file.write(" ".join(f"{x:.9g}" for x in row) + "\n")
 
@@ -67,7 +68,7 @@ def panel_of_boxes(labels, title, trained, tested, first):
 
 
 def boxes(folder, title, tested, trained, *labels):
-    files = [name if name and os.path.getsize(f"{folder}/{name}") else "" for name in (trained, tested)]
+    files = [name if name and os.path.getsize(f"{folder}/{name}") > len(MARK) + 1 else "" for name in (trained, tested)]
     picture(folder, "errors", 600, 450, panel_of_boxes(labels, title, *files, 1))
 
 
@@ -110,6 +111,7 @@ def draw_errors(folder, groups, ntrajectory, nsnapshot):
 def draw_trajectory(folder):
     """Predictions as lines and true states as points, in one panel for each group."""
     with open(folder + "/states.txt") as file:
+        file.readline()  # the mark
         number, *axes = file.readline().lstrip("# ").rstrip("\n").split("\t")
         column_group = [int(x) for x in file.readline().split()[1:]]
         columns = file.readline().split()[1:]

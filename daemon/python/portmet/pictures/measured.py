@@ -4,7 +4,7 @@ import math
 import h5py
 import numpy
 
-from gnuplot import colour, picture, quoted, run
+from gnuplot import colour, create, picture, quoted, run
 from portmet_files import expand, text
 
 NINETY_PER_CENT = 1.6448536269514722  # deviations of a normal distribution
@@ -30,7 +30,7 @@ def label(name, unit):
 
 def columns(folder, data, name):
     names, units, y, t = read(data, name)
-    with open(folder + "/measured.txt", "w") as file:
+    with create(folder + "/measured.txt") as file:
         for time, rows in zip(t, y):
             there = numpy.isfinite(time)
             numpy.savetxt(file, numpy.column_stack((time, rows))[there], "%.9g")
@@ -41,7 +41,7 @@ def columns(folder, data, name):
     run(folder, "measured.gp",
         f"set terminal pngcairo size 900,{60 + 170 * len(names)} font 'DejaVu Sans,10' background 'white'\n"
         f"set output 'measured.png'\nset multiplot layout {len(names)},1\nset border 3\nset tics nomirror out\n"
-        f"set datafile missing 'nan'\n{panels}unset multiplot\n")
+        f"set datafile missing 'nan'\n{panels}unset multiplot\n", "measured.png")
 
 
 def estimate(folder, data, name, seconds, until):
@@ -65,7 +65,8 @@ def estimate(folder, data, name, seconds, until):
         there = (t > begin) & (t <= end)
         known = [there & numpy.isfinite(y[:, :, c]) for c in own]
         rows.append([(begin + end) / 2, *(100 * inside[:, :, c][k].mean() if k.any() else math.nan for c, k in zip(own, known))])
-    numpy.savetxt(folder + "/coverage.txt", rows, "%.9g")
+    with create(folder + "/coverage.txt") as file:
+        numpy.savetxt(file, rows, "%.9g")
     picture(folder, "coverage", 800, 420,
             "set xlabel 'time, s'\nset ylabel 'measurements inside bands of 90 %, %'\n"
             f"set xrange [0:{until:.9g}]\nset yrange [0:100]\nset key outside right top noenhanced\n"
@@ -80,7 +81,8 @@ def draw_prediction(folder, number, labels, t, y, predicted, half, seconds, unti
     rows = numpy.flatnonzero(t <= until)[::1 + len(t) // MOST_ROWS]
     table = numpy.stack((y, predicted, numpy.zeros_like(y) if half is None else half, y - predicted), axis=2)
     data, n = f"prediction_{number}.txt", len(labels)
-    numpy.savetxt(f"{folder}/{data}", numpy.column_stack((t, table.reshape(len(t), -1)))[rows], "%.9g")
+    with create(f"{folder}/{data}") as file:
+        numpy.savetxt(file, numpy.column_stack((t, table.reshape(len(t), -1)))[rows], "%.9g")
     script = (f"set multiplot layout {n},2 title 'Trajectory {number}'\n"
               "set key at screen 0.98, screen 0.99 right top horizontal font ',10' samplen 1.2 width -1\n"
               f"set lmargin 12\nset rmargin 2\nset xrange [0:{until:.9g}]\n"

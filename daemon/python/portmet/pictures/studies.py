@@ -8,7 +8,8 @@ from gnuplot import picture, quoted
 def both(name, text):
     """Draws NAME.png and NAME.svg."""
     folder, base = os.path.split(name)
-    picture(folder or ".", base, 900, 650, f"{text}\nset terminal svg size 900,650 dynamic\nset output '{base}.svg'\nreplot\n")
+    picture(folder or ".", base, 900, 650, f"{text}\nset terminal svg size 900,650 dynamic\nset output '{base}.svg'\nreplot\n",
+            base + ".svg")
 
 
 def bench(name):

@@ -4,6 +4,7 @@ from xml.sax.saxutils import escape
 
 import h5py
 
+from gnuplot import MARK
 from portmet_files import text
 
 VON_MISES = "sqrt(0.5 * (($0 - $1) * ($0 - $1) + ($1 - $2) * ($1 - $2) + ($2 - $0) * ($2 - $0)) + 3.0 * ($3 * $3 + $4 * $4 + $5 * $5))"
@@ -67,7 +68,7 @@ def describe(path):
     field = Field(path)
     ntrajectory, ntime = field.shape["z"][:2]
     with open(os.path.splitext(path)[0] + ".xdmf", "w") as file:
-        file.write('<?xml version="1.0"?>\n<Xdmf Version="2.0">\n<Domain>\n')
+        file.write('<?xml version="1.0"?>\n<!-- ' + MARK + ' -->\n<Xdmf Version="2.0">\n<Domain>\n')
         for i in range(ntrajectory):
             file.write(f'<Grid Name="trajectory {i}" GridType="Collection" CollectionType="Temporal">\n')
             file.writelines(field.grid(i, j) for j in range(ntime))
