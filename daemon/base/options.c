@@ -164,6 +164,9 @@ pm_status pm_options_read(const pm_options *options, int argc, char **argv) {
     for (int i = 0; i < found; ++i) {
         pm_files_note_input(options->positional[i]);
     }
+    for (int i = 0; words != NULL && i < words->count; ++i) {
+        pm_files_note_input(words->word[i]);
+    }
     for (int i = 0; i < options->count; ++i) {
         const pm_option *o = &options->option[i];
         if (o->required && *o->text == NULL) {

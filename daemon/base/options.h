@@ -62,8 +62,8 @@ typedef struct pm_options {
 // Reads what follows a subcommand's name, argv[0]. An option's value may follow it or be joined to
 // it by "=". After "--" all arguments are positional. Texts point into argv. PM_HELPED: --help or
 // -h was among the arguments, and the help went to standard output. PM_EUSAGE names the offending
-// argument. Notes the positional arguments as inputs, and fails for an output with a kind as
-// pm_files_check_output does. PM_EFILE: there is no folder for an output.
+// argument. Notes the positional arguments and the values of `several` as inputs, and fails for an
+// output with a kind as pm_files_check_output does. PM_EFILE: there is no folder for an output.
 pm_status pm_options_read(const pm_options *options, int argc, char **argv);
 
 // Reads a range of the trajectories 0 ... count - 1: "A:B" means A up to, not including, B; "A:"

@@ -54,10 +54,29 @@ static void a_later_file_may_have_the_inode_of_an_input(void **state) {
     }
 }
 
+static void a_link_is_no_output(void **state) {
+    (void)state;
+    char folder[] = "/tmp/test_files_XXXXXX", path[64], end[64];
+    assert_non_null(mkdtemp(folder));
+    snprintf(path, sizeof path, "%s/link", folder);
+    snprintf(end, sizeof end, "%s/end", folder);
+    assert_int_equal(symlink(end, path), 0);
+    assert_int_equal(pm_files_check_output(path, PM_FILES_ANY), PM_EFILE); // it leads to nothing
+    (void)write_file(end);
+    assert_int_equal(pm_files_check_output(path, PM_FILES_ANY), PM_EFILE);
+    assert_int_equal(pm_files_check_output(end, PM_FILES_ANY), PM_OK);
+    pm_files_note_input(end);
+    assert_int_equal(pm_files_check_output(path, PM_FILES_ANY), PM_EUSAGE); // it is the input
+    (void)unlink(path);
+    (void)unlink(end);
+    (void)rmdir(folder);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_input_is_not_overwritten),
         cmocka_unit_test(a_later_file_may_have_the_inode_of_an_input),
+        cmocka_unit_test(a_link_is_no_output),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -21,6 +21,7 @@ refuse "$folder/truth.yaml" truth "$folder/truth.yaml" -o "$folder/truth.yaml"
 refuse "$scene" propose "$scene" --data "$data" -o "$scene"
 refuse "$data" propose "$scene" --data "$data" -o "$data"
 refuse "$data" evaluate "$scene" --data "$data" --record "$data"
+[ ! -s "$folder/out" ] || fail "evaluate has begun before it refuses its output"
 cp "$data" "$folder/others.h5"
 refuse "$data" evaluate "$scene" --data "$folder/others.h5" --record "$data" # the reference of the scene
 program=$portmetd

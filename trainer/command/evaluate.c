@@ -169,7 +169,6 @@ pm_status pm_command_evaluate(int argc, char **argv, const volatile sig_atomic_t
     PM_TRY_DONE(pm_options_read(&options, argc, argv));
     PM_TRY_DONE(pm_data_open(&data, &given, NULL, a.json));
     a.data = data.path;
-    pm_files_note_input(a.data);
     PM_TRY_DONE(pm_scene_load(&j.scene, a.scene));
     PM_TRY_DONE(pm_system_load(&j.system, j.scene, a.weights));
     seconds = seconds == 0 ? j.scene->run.reference_estimate : seconds; // as in a run
