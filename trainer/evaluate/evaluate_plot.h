@@ -4,7 +4,8 @@
 //   trajectory.png  the first trajectory and its prediction
 //   growth.png      the error of each state over time: median and quartiles
 //   laws.png        total energy and entropy over time, if they are defined
-// The numbers of the evaluation are these tables, with errors in per cent and time in s:
+// The numbers of the evaluation are these tables, with errors in per cent and time in s, below a
+// line with the mark PM_FILES_PICTURE:
 //   trajectories.txt  trajectory, time, error of each group, total energy in J and entropy in J/K
 //   at
 //                     the start
@@ -17,7 +18,8 @@
 #include "evaluate/evaluate.h"
 
 // Draws into `folder`, which it creates if it is missing. `trained` is an evaluation on
-// trajectories that training used, or NULL. PM_EFILE (cannot write, gnuplot is missing or fails).
+// trajectories that training used, or NULL. PM_EFILE (cannot write, a file is of no picture,
+// gnuplot is missing or fails); PM_EUSAGE: the program reads a table that it would write.
 pm_status pm_evaluation_plot(const pm_evaluation *evaluation, const pm_evaluation *trained,
                              const char *folder);
 
