@@ -1049,6 +1049,46 @@ static void print_percent(double value) {
     }
 }
 
+// Writes to *error how far predictions of the trajectories `which` [count] are off with the weights
+// that the models have: the geometric mean over columns, infinite where there are none.
+static pm_status find_error(const pm_fit *f, const pm_estimate_how *how, int count,
+                            const int *which, double *error) {
+    const pm_observation *o = &f->measured.observation;
+    pm_estimate e = {0};
+    const pm_status status =
+        pm_estimate_make(&e, f->training->system, o, f->measured.data, count, which, how);
+    double sum = status == PM_OK ? 0 : INFINITY;
+    for (int c = 0; c < o->count && status == PM_OK; ++c) {
+        sum += log(pm_estimate_typical_error(&e, o, f->measured.data, which, how->seconds, c));
+    }
+    *error = isnan(sum) ? INFINITY : exp(sum / o->count);
+    pm_estimate_free(&e);
+    return status == PM_ENUMERIC ? PM_OK : status;
+}
+
+// A fit that goes on where a proposal ended, and is interrupted while its windows are short, may be
+// worse than what it began with. The better weights are kept; the fit goes on with its own.
+static pm_status keep_better(pm_fit *f, const pm_estimate_how *how, int count, const int *which) {
+    const pm_fit_measured *m = &f->measured;
+    if (!f->interrupted || !f->training->whole || f->position.best >= 0 ||
+        !(m->point[1] < m->longest)) {
+        return PM_OK;
+    }
+    double own = INFINITY, declared = INFINITY;
+    PM_TRY(find_error(f, how, count, which, &own));
+    pm_trained_scatter(f->training->system, f->declared);
+    PM_TRY(find_error(f, how, count, which, &declared));
+    if (declared < own) {
+        memcpy(f->best, f->declared, (size_t)f->size * sizeof *f->best);
+        f->position.best = declared;
+        printf("The weights of the training file predict better than those of windows of %.0f of "
+               "%d samples, and are kept.\n",
+               m->point[1], m->longest);
+    }
+    pm_trained_scatter(f->training->system, pm_fit_kept(f));
+    return PM_OK;
+}
+
 static pm_status report(pm_fit *f, const pm_measure *ignored) {
     (void)ignored;
     const pm_fit_measured *m = &f->measured;
@@ -1076,6 +1116,7 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
                                  .stop = f->interrupted ? NULL : f->stop,
                                  .uncertainty = known && !f->interrupted ? &u : NULL,
                                  .until = f->training->seconds};
+    PM_TRY_DONE(keep_better(f, &how, count, which));
     status =
         pm_estimate_make(&e, f->training->system, &m->observation, m->data, count, which, &how);
     if (status == PM_ENUMERIC) {
