@@ -127,6 +127,10 @@ int portmet_scene_parse(portmet_scene **scene, const char *text, const char *pat
 
 int portmet_scene_connect(portmet_scene **scene, const char *name, const char *url,
                           const char *key_file, const char *record, double patience) {
+    if (!(patience >= 0)) {
+        return (int)pm_fail(PM_EUSAGE, "scene %s: a patience of %g s: expected 0 or more", name,
+                            patience);
+    }
     const pm_remote_address address = {
         .name = name,
         .url = url == NULL ? "udpm://239.255.76.67:7667?ttl=0" : url,

@@ -74,8 +74,8 @@ int portmet_scene_parse(portmet_scene **scene, const char *text, const char *pat
  * none. `patience` is the time in s without an answer after which a call fails; 0: 10 s. A step
  * that waits for an input that nobody gives fails after the same time, and is not taken.
  * PORTMET_ENET: there is no route for multicast; PORTMET_ETIMEOUT: nobody answers; PORTMET_EUSAGE:
- * the service refuses, because a run of somebody else is under way. Closing the scene ends the run.
- */
+ * the patience is negative or NaN, or the service refuses, because a run of somebody else is under
+ * way. Closing the scene ends the run. */
 int portmet_scene_connect(portmet_scene **scene, const char *name, const char *url,
                           const char *key_file, const char *record, double patience);
 void portmet_scene_close(portmet_scene *scene); /* NULL is allowed */

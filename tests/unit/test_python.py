@@ -147,6 +147,36 @@ class Scenes(unittest.TestCase):
                 fails()
             self.assertEqual(caught.exception.code, code, caught.exception)
 
+    def test_wrong_arguments_are_named(self):
+        dataset = {"z": numpy.zeros((1, 3, 1)), "dt": 0.1, "columns": ["a"]}
+        data, scene = portmet.Dataset(**dataset), portmet.Scene("configs/driven_lower.yaml")
+        for named, fails in (("path=3", lambda: portmet.Scene(3)), ("text=3", lambda: portmet.Scene(text=3)),
+                             ("text='.udc80'", lambda: portmet.Scene(text="\udc80")),
+                             (r"a.*x00.*b", lambda: portmet.Scene("a\0b")), ("text='a.*x00", lambda: portmet.Scene(text="a\0b")),
+                             ("path=12", lambda: portmet.Dataset(12)), ("dt='x'", lambda: portmet.Dataset(**{**dataset, "dt": "x"})),
+                             ("z='abc'", lambda: portmet.Dataset(**{**dataset, "z": "abc"})), ("columns=3", lambda: portmet.Dataset(
+                                 **{**dataset, "columns": 3})), ("Dataset: .*nobody", lambda: portmet.Dataset(nobody=3)),
+                             ("path=3", lambda: data.save(3)), ("path='nowhere", lambda: data.save("nowhere\0")),
+                             ("path=None", lambda: portmet.Weights(None)), ("path=3", lambda: portmet.Recording(3)),
+                             ("scene=3", lambda: portmet.propose(3)), ("tables=None", lambda: portmet.import_tables(None, "x")),
+                             ("config=None", lambda: portmet.fit(None, "x")), ("tables=3", lambda: portmet.evaluate("x", data=3)),
+                             ("name=3", lambda: portmet.Remote(3)), ("timeout='a'", lambda: portmet.Remote("z", timeout="a")),
+                             ("timeout=-1", lambda: portmet.Remote("z", timeout=-1)), ("timeout=0", lambda: portmet.Remote("z", timeout=0)),
+                             ("timeout=nan", lambda: portmet.Remote("z", timeout=numpy.nan)), ("url=3", lambda: portmet.Remote("z", url=3)),
+                             ("count=1.5", lambda: scene.step(1.5)), ("state=.start", lambda: scene.restart("start")),
+                             ("name=.hand.*value=.1, 2, 3", lambda: scene.set_input("hand.dE/dq", [1, 2, 3])),
+                             ("path=3", lambda: scene.record(3)), ("name=", lambda: scene[[]]), ("recording=3", lambda: portmet.plot(3)),
+                             ("path=3", lambda: portmet.Fleet(3, 1)), ("n='x'", lambda: portmet.Fleet(scene, "x")),
+                             ("url=3", lambda: portmet.Listener(3)), ("path=3", lambda: portmet.Part(3, dt=1, initial={}))):
+            with self.subTest(named):
+                with self.assertRaisesRegex(portmet.Error, named) as caught:
+                    fails()
+                self.assertEqual(caught.exception.code, 2, caught.exception)
+        library = portmet._library.library
+        for patience in -1.0, numpy.nan:
+            pointer = portmet._library.ctypes.c_void_p()
+            self.assertEqual(library.portmet_scene_connect(pointer, b"z", None, None, None, patience), 2)
+
     def test_a_failed_step_is_not_taken(self):
         scene, plain = portmet.Scene("configs/driven_lower.yaml"), portmet.Scene("configs/driven_lower.yaml")
         scene.step(3)

@@ -1,10 +1,12 @@
 """Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
 from __future__ import annotations
 
-import contextlib
 import ctypes
+import functools
+import inspect
 import operator
 import os
+import reprlib
 import typing
 
 from . import _places
@@ -104,24 +106,46 @@ def check(code: int) -> None:
 
 def step_count(count: typing.Any, what: str = "steps") -> int:
     """Returns a number of steps, or of something else, as libportmet takes it."""
-    try:
-        number = operator.index(count)
-    except TypeError:
-        raise UsageError(f"{count!r} {what}: expected a whole number") from None
+    number = operator.index(count)
     if not 0 <= number < 1 << 63:
         raise UsageError(f"{number} {what}: expected 0 to 2^63 - 1")
     return number
 
 
-@contextlib.contextmanager
-def argument(what: str) -> typing.Iterator[None]:
-    """Makes an Error of numpy's refusal of an argument."""
+Public = typing.TypeVar("Public", bound=typing.Callable[..., typing.Any])
+
+
+def public(what: Public) -> Public:
+    """Decorates a function, or all public methods of a class: where Python, numpy or the system refuses
+    what it was given, it raises an Error, which names the arguments with their values."""
+    if isinstance(what, type):
+        for name, method in list(vars(what).items()):
+            if inspect.isfunction(method) and (name in ("__init__", "__getitem__") or not name.startswith("_")):
+                setattr(what, name, public(method))
+        return what  # type: ignore[return-value]
+
+    @functools.wraps(what)
+    def call(*given: typing.Any, **named: typing.Any) -> typing.Any:
+        try:
+            return what(*given, **named)
+        except Error:
+            raise
+        except OSError as error:
+            raise Error(4, str(error)) from error
+        except (TypeError, ValueError, AttributeError, IndexError, ctypes.ArgumentError) as error:
+            raise UsageError(f"{_call_text(what, given, named)}: {error}") from error
+
+    return typing.cast(Public, call)
+
+
+def _call_text(function: typing.Callable[..., typing.Any], given: tuple[typing.Any, ...], named: dict[str, typing.Any]) -> str:
+    """Returns a call as text, "Dataset(z='abc', dt=0.1)", or the function alone if it has no such arguments."""
+    name = function.__qualname__.replace(".__init__", "")
     try:
-        yield
-    except Error:
-        raise
-    except (TypeError, ValueError, IndexError) as error:
-        raise UsageError(f"{what}: {error}") from None
+        arguments = inspect.signature(function).bind(*given, **named).arguments
+    except TypeError:
+        return name
+    return f"{name}({', '.join(f'{key}={reprlib.repr(value)}' for key, value in arguments.items() if key != 'self')})"
 
 
 def look_up(table: dict[str, typing.Any], name: str, what: str) -> typing.Any:
@@ -132,7 +156,21 @@ def look_up(table: dict[str, typing.Any], name: str, what: str) -> typing.Any:
 
 
 def path_bytes(path: str | os.PathLike[str] | None) -> bytes | None:
-    return None if path is None else os.fsencode(path)
+    """Returns a path as libportmet takes it."""
+    return None if path is None else _without_zero(os.fsencode(path), path)
+
+
+def text_bytes(text: str | None) -> bytes | None:
+    """Returns a text as libportmet takes it."""
+    if text is not None and not isinstance(text, str):
+        raise TypeError(f"expected a text, found {text!r}")
+    return None if text is None else _without_zero(text.encode(), text)
+
+
+def _without_zero(data: bytes, value: typing.Any) -> bytes:
+    if b"\0" in data:  # libportmet would read the part before it
+        raise ValueError(f"a zero byte in {value!r}")
+    return data
 
 
 def version() -> str:

@@ -9,7 +9,7 @@ import typing
 import h5py
 import numpy
 
-from ._library import Error, UnknownName, UsageError
+from ._library import Error, UnknownName, UsageError, path_bytes, public
 
 if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,13 +20,13 @@ if typing.TYPE_CHECKING:
 
 def _check_output(path: Path) -> None:
     """Raises Error if there is something that no dataset replaces (daemon/base/files.h)."""
-    if os.path.islink(path):
+    start, place = b"", os.fsencode(path)
+    if os.path.islink(place):
         raise Error(4, f"{os.fspath(path)}: this is a symbolic link, and is not replaced")
-    if os.path.exists(path) and not os.path.isfile(path):
+    if os.path.exists(place) and not os.path.isfile(place):
         raise Error(4, f"{os.fspath(path)}: this is not a regular file, and is not replaced")
-    start = b""
-    if os.path.isfile(path):
-        with contextlib.suppress(OSError), open(path, "rb") as f:
+    if os.path.isfile(place):
+        with contextlib.suppress(OSError), open(place, "rb") as f:
             start = f.read(16384)
     if start and (not start.startswith(b"\x89HDF\r\n\x1a\n") or b"portmet weights" in start or b"portmet recording" in start):
         raise Error(4, f"{os.fspath(path)}: this file exists and is of another kind: remove it, or choose another name")
@@ -35,6 +35,7 @@ def _check_output(path: Path) -> None:
 @contextlib.contextmanager
 def _open(path: Path, what: str, mode: str = "r") -> typing.Iterator[typing.Any]:
     """Opens an HDF5 file, and says in an Error if it cannot be read or written, or is of another kind."""
+    path_bytes(path)  # not a number, which would be an open file
     try:
         with h5py.File(path, mode) as f:
             yield f
@@ -57,6 +58,7 @@ def _expand(names: str) -> list[str]:
     return result
 
 
+@public
 class Dataset:
     """Trajectories: z [trajectory][time][column], t [time] (s), dt (s), the names of the columns, the
     rates zdot or None, and notes (trainer/DATASET.md)."""
@@ -134,6 +136,7 @@ class Dataset:
                                for name, unit in zip(self.columns, units)}, {"time": ("time", self.t, {"units": "s"})})
 
 
+@public
 class Recording:
     """What --record or Scene.record wrote: time (s) and step [sample]; subsystems[name] and
     ports[name] map the names of daemon/README.md, "Recordings", to arrays [sample]; so does ledger.
@@ -229,6 +232,7 @@ class Group(typing.NamedTuple):
     unit: str
 
 
+@public
 class Weights:
     """A weights file: `kind` ("subsystem" or "port"), the text of its `model`, its `parameters` by name,
     its `layout` (of a port a list for each end), and `made`, where it comes from."""

@@ -26,6 +26,7 @@ def _address(array):
     return None if array is None else array.ctypes.data
 
 
+@c.public
 class Fleet:
     """`n` copies of a scene, at its initial state. `threads` share them; 0: as many as there are
     processors. Each copy has the bits of a Scene alone. The arrays `state` [n, variables], `inputs`
@@ -55,8 +56,7 @@ class Fleet:
         array that numpy can broadcast to [n, inputs]. Copies that fail raise nothing: see `ended`
         and `failure`. Ctrl-C is answered between two pieces of a tenth of a second."""
         if inputs is not None:
-            with c.argument("inputs"):
-                self.inputs[:] = inputs
+            self.inputs[:] = inputs
         left, self.failure = c.step_count(count), ""
         while True:
             piece, begin = min(left, self._piece), time.monotonic()
@@ -77,8 +77,7 @@ class Fleet:
         states = numpy.empty((pieces, *self.state.shape))
         try:
             if start is not None:
-                with c.argument("a start"):
-                    self.state[:] = start
+                self.state[:] = start
             for piece in range(pieces):
                 self.step(steps, None if inputs is None else inputs[piece])
                 states[piece] = numpy.where(self.ended[:, None] == 0, self.state, numpy.nan)
@@ -92,8 +91,7 @@ class Fleet:
         steps, start), for each copy: by the start [n, variables], and by the inputs [pieces, n,
         inputs]; with `weights` also by the scene's weights [n, weights], in the order of
         weight_names. An input that is NaN counts as a shift of the scene's own value."""
-        with c.argument("a seed"):
-            seed = numpy.ascontiguousarray(seed, dtype=float)
+        seed = numpy.ascontiguousarray(seed, dtype=float)
         steps = c.step_count(steps)
         pieces, inputs = self._pieces(inputs, len(seed) if seed.ndim == 3 else 1)
         seed = self._row(seed, pieces, len(self.scene.variables))
@@ -134,22 +132,19 @@ class Fleet:
         pieces = c.step_count(pieces, "pieces")
         if inputs is None:
             return pieces, None
-        with c.argument("inputs"):
-            inputs = numpy.asarray(inputs, dtype=float)
+        inputs = numpy.asarray(inputs, dtype=float)
         pieces = len(inputs) if inputs.ndim == 3 else pieces
         return pieces, self._row(inputs, pieces, self.inputs.shape[1])
 
     def _row(self, values, pieces, columns):
         """Returns numbers as an array [n, columns], or [pieces, n, columns]; None stays None."""
         shape = (self.n, columns) if pieces is None else (pieces, self.n, columns)
-        with c.argument("an array of numbers for each copy"):
-            return None if values is None else numpy.ascontiguousarray(numpy.broadcast_to(values, shape), dtype=float)
+        return None if values is None else numpy.ascontiguousarray(numpy.broadcast_to(values, shape), dtype=float)
 
     def set_input(self, name, values):
         """Prescribes an input as Scene.set_input does; `values` are one number, or one for each copy."""
         columns = self.scene.input_columns(name)
-        with c.argument(f"input {name}"):
-            self.inputs[:, columns] = numpy.reshape(values, (-1, 1)) if numpy.ndim(values) == 1 else values
+        self.inputs[:, columns] = numpy.reshape(values, (-1, 1)) if numpy.ndim(values) == 1 else values
 
     def save(self, copies=None):
         """Returns the copies of these numbers, or all, as rows that restore() takes. A row has all but
@@ -163,15 +158,13 @@ class Fleet:
         """Puts saved rows back into the copies of these numbers, or all. One row serves many copies."""
         which = self._numbers(copies)
         shape = len(which), c.library.portmet_fleet_row(self._handle.pointer)
-        with c.argument("saved rows"):
-            rows = numpy.ascontiguousarray(numpy.broadcast_to(rows, shape), dtype=float)
+        rows = numpy.ascontiguousarray(numpy.broadcast_to(rows, shape), dtype=float)
         c.check(c.library.portmet_fleet_restore(self._handle.pointer, len(which), which.ctypes.data, rows.ctypes.data))
         return self
 
     def _numbers(self, copies):
         every = numpy.arange(self.n, dtype=numpy.int64)
-        with c.argument("copies"):
-            return every if copies is None else numpy.ascontiguousarray(every[copies]).reshape(-1)
+        return every if copies is None else numpy.ascontiguousarray(every[copies]).reshape(-1)
 
     @property
     def time(self):

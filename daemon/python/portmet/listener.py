@@ -9,7 +9,7 @@ import time
 import typing
 import urllib.parse
 
-from ._library import Error, UsageError
+from ._library import Error, UsageError, public
 
 ONE_PIECE, FRAGMENT = 0x4C433032, 0x4C433033  # "LC02" and "LC03": LCM's two kinds of datagram
 LARGEST_PIECE = 65487  # bytes of a datagram's payload
@@ -30,6 +30,7 @@ def _types() -> dict[bytes, typing.Any]:
     return {t._get_packed_fingerprint(): t for t in known}
 
 
+@public
 class Listener:
     """A member of the multicast group of an LCM `url`. Iterating yields every Message whose channel
     matches the regular expression `channels`, until `timeout` seconds pass without one."""

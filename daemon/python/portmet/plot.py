@@ -3,6 +3,8 @@ from __future__ import annotations
 
 import typing
 
+from ._library import public
+
 if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -43,6 +45,7 @@ def _sum(series: Numbers) -> Numbers:
     return series.reshape(len(series), -1).sum(axis=1)
 
 
+@public
 def plot(recording: Recording, path: Path | None = None) -> Figure:
     """Draws energies, entropies and the power through every port over time, and returns the figure.
     Members of a range are drawn as their sum. With `path` it also saves the figure."""

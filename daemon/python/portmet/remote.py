@@ -16,6 +16,7 @@ if typing.TYPE_CHECKING:
 _LOOK = 0.1  # s of waiting between two looks at signals
 
 
+@c.public
 class Remote(Scene):
     """The scene `name` (or "name:session") that `portmetd serve` offers at the LCM `url`. Opening it begins a run
     without a last step, held at the scene's initial state; `record` names its recording in the folder of the
@@ -24,10 +25,12 @@ class Remote(Scene):
 
     def __init__(self, name: str, *, url: str | None = None, key_file: str | os.PathLike[str] | None = None,
                  record: str | None = None, timeout: float = 10.0) -> None:
+        if not timeout > 0:
+            raise ValueError("expected a timeout of more than 0 s")
         pointer = ctypes.c_void_p()
         c.check(c.library.portmet_scene_connect(
-            ctypes.byref(pointer), name.encode(), None if url is None else url.encode(), c.path_bytes(key_file),
-            None if record is None else record.encode(), timeout))
+            ctypes.byref(pointer), c.text_bytes(name), c.text_bytes(url), c.path_bytes(key_file), c.text_bytes(record),
+            timeout))
         self._open(pointer)
         c.check(c.library.portmet_scene_interrupt_after(self._pointer, _LOOK))
 
@@ -45,12 +48,12 @@ class Remote(Scene):
 
     def checkpoint(self, name: str) -> Self:
         """Keeps state and ledger under `name` in the folder of the service."""
-        self._check(c.library.portmet_scene_checkpoint(self._pointer, name.encode()))
+        self._check(c.library.portmet_scene_checkpoint(self._pointer, c.text_bytes(name)))
         return self
 
     def restore(self, name: str) -> Self:
         """Takes the run to what is kept under `name`, by this run or an earlier one."""
-        self._check(c.library.portmet_scene_restore(self._pointer, name.encode()))
+        self._check(c.library.portmet_scene_restore(self._pointer, c.text_bytes(name)))
         return self
 
     def close(self) -> None:

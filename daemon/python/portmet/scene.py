@@ -86,6 +86,7 @@ class Ledger:
         return "Ledger(" + ", ".join(f"{n}={getattr(self, n):.10g}" for n in Ledger.NAMES) + ")"
 
 
+@c.public
 class Subsystem:
     """One subsystem of a scene: `state`, `energy` (J) and `entropy` (J/K) follow every step. A group
     of variables is an item: subsystem["q"]; iterating yields the names of the groups."""
@@ -133,6 +134,7 @@ class Port:
         self.energy, self.entropy = flux[:, 0], flux[:, 1]
 
 
+@c.public
 class Scene:
     """A scene file, or the `text` of one, opened at its initial state. `weights` is a folder that
     replaces those of the scene. `compiled`: its models become machine code, by the C compiler $CC or
@@ -175,7 +177,7 @@ class Scene:
         if text is None:
             c.check(c.library.portmet_scene_open(ctypes.byref(pointer), c.path_bytes(path), folder))
         else:
-            c.check(c.library.portmet_scene_parse(ctypes.byref(pointer), text.encode(), c.path_bytes(path), folder))
+            c.check(c.library.portmet_scene_parse(ctypes.byref(pointer), c.text_bytes(text), c.path_bytes(path), folder))
         return pointer
 
     def _open(self, pointer: ctypes.c_void_p, compiled: bool = False) -> None:
@@ -295,8 +297,7 @@ class Scene:
         return self
 
     def _whole_state(self, state: ArrayLike) -> Numbers:
-        with c.argument("a state"):
-            z = numpy.ascontiguousarray(state, dtype=float)
+        z = numpy.ascontiguousarray(state, dtype=float)
         if z.shape != self.state.shape:
             raise c.UsageError(f"a state of {z.shape}, expected {self.state.shape}")
         return z
@@ -305,8 +306,7 @@ class Scene:
         """Prescribes the input of this name (input_names), or all components of a group ("hand.f"),
         from the next step on. NaN gives it back to the scene."""
         columns = self.input_columns(name)
-        with c.argument(f"input {name}"):
-            self.inputs[columns] = value
+        self.inputs[columns] = value
 
     def input_columns(self, name: str) -> list[int]:
         """Returns the positions in `inputs` of the input of this name, or of a group's components."""
@@ -364,6 +364,7 @@ class Scene:
         return Dataset(path[0]) if path else None
 
 
+@c.public
 class Part(Scene):
     """A subsystem by itself, from its weights file, with no port: for looking at what was learned.
     `initial` maps each group to its values."""
@@ -375,7 +376,7 @@ class Part(Scene):
         start = ", ".join(f"{g.name}: {_numbers(initial, g)}" for g in groups)
         super().__init__(text=(
             f"scene: part\n"
-            f"time: {{dt: {dt!r}, steps: 1, integrator: {integrator}, substeps: {substeps}}}\n"
+            f"time: {{dt: {float(dt)!r}, steps: 1, integrator: {integrator}, substeps: {substeps}}}\n"
             f"subsystems:\n  part:\n    weights: {os.path.abspath(os.fspath(weights))}\n"
             f"    state:\n{state}    initial: {{{start}}}\n"))
 
@@ -386,5 +387,4 @@ def _columns(group: Group) -> str:
 
 def _numbers(initial: collections.abc.Mapping[str, ArrayLike], group: Group) -> list[float]:
     values = c.look_up(dict(initial), group.name, "the initial state")
-    with c.argument(f"the initial state of {group.name}"):
-        return [float(v) for v in numpy.broadcast_to(numpy.asarray(values, dtype=float), group.size)]
+    return [float(v) for v in numpy.broadcast_to(numpy.asarray(values, dtype=float), group.size)]

@@ -13,7 +13,7 @@ import typing
 import numpy
 
 from . import _places
-from ._library import Error, place
+from ._library import Error, place, public
 from .files import Dataset, Weights
 
 if typing.TYPE_CHECKING:
@@ -85,6 +85,7 @@ def _is_interactive() -> bool:
     return "ipykernel" in sys.modules or bool(getattr(sys.stdout, "isatty", bool)())
 
 
+@public
 class Fit:
     """The result of `fit`: the `folder` of the weights, the printed `report`, whether the model
     `fits`, its `verdict` ("good", "fair", "poor" or "UNFIT") with the `reasons` why it is not good,
@@ -154,11 +155,12 @@ class Fit:
 def _is_weights(path: str) -> bool:
     try:
         Weights(path)
-    except (KeyError, OSError):
+    except Error:
         return False
     return True
 
 
+@public
 class Evaluation:
     """The result of `evaluate`. `truth` and `prediction` are arrays [trajectory][time][column] with
     the names `columns`, for the numbers `trajectories` of the data; `t` are the times in s. `errors`
@@ -199,6 +201,7 @@ class Evaluation:
         return f"<portmet evaluation of {self.scores['scene']}: {len(self.trajectories)} trajectories>\n{self}"
 
 
+@public
 def fit(config: Path, output: Path, *, data: Data | None = None, progress: bool | None = None,
         **options: typing.Any) -> Fit:
     """Trains the models of a training file, or of a scene with a proposal, as `portmet-train fit` does,
@@ -210,6 +213,7 @@ def fit(config: Path, output: Path, *, data: Data | None = None, progress: bool 
     return Fit(os.path.abspath(os.fspath(output)), report, code == 0)
 
 
+@public
 def propose(scene: Path | None = None, data: Data | None = None, output: Path | None = None,
             **options: typing.Any) -> str:
     """Writes a draft of a training file for a scene and its data, or, without a scene, a scene and a
@@ -217,6 +221,7 @@ def propose(scene: Path | None = None, data: Data | None = None, output: Path | 
     return _run("propose", *([] if scene is None else [scene]), *_options({"data": data, "output": output, **options}))[1]
 
 
+@public
 def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
     """Predicts the trajectories of a dataset and returns an Evaluation. With the option `estimate`, for
     measurements, it returns the JSON of `portmet-train evaluate --estimate --json` instead."""
@@ -237,6 +242,7 @@ def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
         return Evaluation(json.loads(text), truth, Dataset(record), code == VIOLATED)
 
 
+@public
 def import_tables(tables: Data, output: Path, **options: typing.Any) -> str:
     """Turns tables, a path or a list of paths, into a dataset, as `portmet-train import` does."""
     several = tables if isinstance(tables, (list, tuple)) else [tables]
