@@ -13,6 +13,7 @@
 #include "sim/lanes.h"
 
 #define MOST_THREADS 256
+#define MOST_STEPS 9e15 // that a double counts
 
 // A scene of more subsystems and ports has lanes of its own in the engine.
 #define MOST_COMPONENTS 100
@@ -302,6 +303,16 @@ pm_status pm_fleet_copy(pm_fleet *fleet, bool restore, int64_t n, const int64_t 
         if (at < 0 || at >= fleet->count) {
             return pm_fail(PM_EUSAGE, "scene %s: copy %lld: expected 0 to %lld",
                            fleet->setup->scene->name, (long long)at, (long long)fleet->count - 1);
+        }
+    }
+    for (int64_t i = 0; restore && i < n; ++i) {
+        const double *count = rows + i * size + nz; // steps, ended
+        if (!(count[0] >= 0 && count[0] <= MOST_STEPS && count[0] == floor(count[0]) &&
+              fabs(count[1]) <= INT_MAX && count[1] == floor(count[1]))) {
+            return pm_fail(PM_EUSAGE,
+                           "scene %s: row %lld of saved copies has %g steps and the end %g: "
+                           "expected whole numbers, as saved",
+                           fleet->setup->scene->name, (long long)i, count[0], count[1]);
         }
     }
     for (int64_t i = 0; i < n; ++i) {

@@ -261,7 +261,8 @@ const char *portmet_fleet_failure(const portmet_fleet *fleet);
 /* portmet_fleet_save writes the copies copy [count], or the first `count` if `copy` is NULL, to
  * rows [count][portmet_fleet_row(fleet)], and portmet_fleet_restore reads them back, into the same
  * copies or others. A row holds all with which a copy goes on with the same bits, but not its
- * inputs; it begins with the state. PORTMET_EUSAGE: there is no such copy. */
+ * inputs; it begins with the state. PORTMET_EUSAGE: there is no such copy, or a row to be restored
+ * has no whole numbers of steps and of `ended`; all copies are then as they were. */
 size_t portmet_fleet_row(const portmet_fleet *fleet);
 int portmet_fleet_save(portmet_fleet *fleet, int64_t count, const int64_t *copy, double *rows);
 int portmet_fleet_restore(portmet_fleet *fleet, int64_t count, const int64_t *copy,

@@ -583,6 +583,15 @@ class Copies(unittest.TestCase):
         copies.step(4)
         self.assertEqual((list(copies.ended), list(copies.steps)), ([1, 0, 9], [0, 4, 0]))
         self.assertRegex(copies.failure, "^copy 2: step 1: subsystem")
+        kept, size = copies.save(), copies.state.shape[1]
+        for wrong in numpy.nan, numpy.inf, -1.0, 0.5, 1e300:
+            spoilt = numpy.concatenate((row, row))
+            spoilt[1, size] = wrong
+            with self.assertRaisesRegex(portmet.Error, "row 1 of saved copies") as caught:
+                copies.restore(spoilt, [0, 1])
+            self.assertEqual(caught.exception.code, 2)
+            self.assertEqual(copies.save().tobytes(), kept.tobytes())
+        self.assertRaises(portmet.Error, copies.restore, numpy.full(row.shape, numpy.nan))
         copies.restore(row)
         self.assertEqual((list(copies.ended), list(copies.steps)), ([0, 0, 0], [0, 0, 0]))
 
