@@ -241,6 +241,8 @@ static pm_status restart(portmet_scene *scene, const double *z) {
                                                       .z = (double *)z,
                                                   });
     }
+    z = z == NULL ? scene->setup.initial : z;
+    PM_TRY(pm_monolithic_check_state(scene->run.monolithic, z));
     PM_TRY(end_recording(scene));
     return pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
 }

@@ -100,7 +100,8 @@ int portmet_scene_copy(portmet_scene *scene, portmet_scene *from);
 
 /* Starts again at step 0 with an empty ledger, at the state z, which has the size and the order of
  * PORTMET_STATE, or at the initial state of the scene if `z` is NULL. A recording ends.
- * PORTMET_ENUMERIC: a number of `z` is not finite; the run is as it was. */
+ * PORTMET_ENUMERIC: a number of `z`, or an energy, an entropy or a co-energy there, is not finite;
+ * the run is as it was. */
 int portmet_scene_restart(portmet_scene *scene, const double *z);
 
 /* These functions are for scenes that portmet_scene_connect has opened; for others they fail with

@@ -72,6 +72,10 @@ void pm_local_subsystems_set_boundary_input(pm_local_subsystems *local,
 // Starts a run at step 0 from the concatenated state z [scene->nz] of the whole scene. All fluxes
 // and counts of pm_books are zero there.
 void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z);
+// Checks the state z [scene->nz] of the whole scene, from which a run could be started. To be
+// called between two steps, of which it keeps the bits, if steps are kept. PM_ENUMERIC: an energy,
+// an entropy or a co-energy is not finite there.
+pm_status pm_local_subsystems_check_state(pm_local_subsystems *local, const double *z);
 // Lets a run that was just started begin at `step` instead of 0: boundary inputs have the values of
 // that step.
 void pm_local_subsystems_set_step(pm_local_subsystems *local, long step);

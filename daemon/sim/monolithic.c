@@ -55,6 +55,10 @@ void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z) {
     m->stale = true;
 }
 
+pm_status pm_monolithic_check_state(pm_monolithic *monolithic, const double *z) {
+    return pm_local_subsystems_check_state(monolithic->subsystems, z);
+}
+
 void pm_monolithic_set_step(pm_monolithic *monolithic, long step) {
     pm_local_subsystems_set_step(monolithic->subsystems, step);
     monolithic->sample->step = step;

@@ -22,6 +22,8 @@ void pm_monolithic_set_boundary_input(pm_monolithic *monolithic,
 // Starts a run at step 0 from the concatenated state z [scene->nz].
 void pm_monolithic_set_state(pm_monolithic *monolithic, const double *z);
 
+// Checks a state from which a run could be started, as pm_local_subsystems_check_state does.
+pm_status pm_monolithic_check_state(pm_monolithic *monolithic, const double *z);
 // Lets a run that was just started begin at `step` instead of 0.
 void pm_monolithic_set_step(pm_monolithic *monolithic, long step);
 // Counts, saves or restores all numbers with which a run continues with the same bits. The first

@@ -131,10 +131,8 @@ static void start(const pm_model *m, pm_data *d) {
     }
 }
 
-void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) {
-    const pm_model *m = &local->model;
-    pm_data *d = &local->data;
-    d->z = d->state[0];
+// Puts the concatenated state z [scene->nz] into the blocks of d->z.
+static void put_state(const pm_model *m, const pm_data *d, const double *z) {
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         for (int lane = 0; lane < group->nblock * group->width; ++lane) {
@@ -147,7 +145,13 @@ void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) 
             }
         }
     }
-    start(m, d);
+}
+
+void pm_local_subsystems_set_state(pm_local_subsystems *local, const double *z) {
+    pm_data *d = &local->data;
+    d->z = d->state[0];
+    put_state(&local->model, d, z);
+    start(&local->model, d);
 }
 
 void pm_local_subsystems_set_step(pm_local_subsystems *local, long step) {
@@ -249,6 +253,48 @@ void pm_local_subsystems_undo_step(pm_local_subsystems *local) {
     pm_serializer objects = pm_serializer_restore("objects", d->before.object);
     put_objects(m, &objects);
     swap_fluxes(d);
+}
+
+// Checks what a subsystem shows at d->z.
+static pm_status check_shown(const pm_model *m, const pm_data *d, int id) {
+    const pm_scene_subsystem *subsystem = &m->system->scene->physics.subsystem[id];
+    const pm_address at = pm_model_address(m, id);
+    const double E = d->E[at.lane], S = d->S[at.lane];
+    if (!isfinite(E) || !isfinite(S)) {
+        return pm_fail(PM_ENUMERIC,
+                       "subsystem %s: a run cannot begin in a state of the energy %g J and the "
+                       "entropy %g J/K",
+                       subsystem->name, E, S);
+    }
+    for (int i = 0; i < subsystem->layout.ngroup; ++i) {
+        const pm_group *group = &subsystem->layout.group[i];
+        for (int c = 0; c < group->size; ++c) {
+            const double dE = d->shown[PM_SHOWN_DE][at.first + (group->first + c) * at.step];
+            if (!isfinite(dE)) {
+                return pm_fail(PM_ENUMERIC,
+                               "subsystem %s: a run cannot begin in a state where the co-energy of "
+                               "%s[%d] is %g",
+                               subsystem->name, group->name, c, dE);
+            }
+        }
+    }
+    return PM_OK;
+}
+
+pm_status pm_local_subsystems_check_state(pm_local_subsystems *local, const double *z) {
+    const pm_model *m = &local->model;
+    pm_data *d = &local->data;
+    pm_status status = PM_OK;
+    // A step that jumps there and is then undone.
+    begin_step(m, d);
+    d->z = d->state[d->safe_z == d->state[0] ? 1 : 0];
+    put_state(m, d, z);
+    pm_expose_all(m, d, false);
+    for (int i = 0; i < m->count && status == PM_OK; ++i) {
+        status = check_shown(m, d, m->id[i]);
+    }
+    pm_local_subsystems_undo_step(local);
+    return status;
 }
 
 // --- a round ---

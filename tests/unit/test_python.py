@@ -65,6 +65,28 @@ class Scenes(unittest.TestCase):
         with self.assertRaises(ValueError):
             scene.restart(start[1:])
 
+    def test_no_restart_without_an_energy(self):
+        for name in "driven_lower", "double_pendulum", "gas_containers", "crossed_beams", "beam", "driven_upper":
+            scene, plain = portmet.Scene(f"configs/{name}.yaml"), portmet.Scene(f"configs/{name}.yaml")
+            scene.step(2)
+            plain.step(2)
+            with self.subTest(name), tempfile.TemporaryDirectory() as folder:
+                path = os.path.join(folder, "run.h5")
+                scene.record(path)
+                for size in 1e308, 1e160:
+                    with self.assertRaises(portmet.Error) as refused:
+                        scene.restart(numpy.full(scene.state.shape, size))
+                    self.assertEqual(refused.exception.code, 9)
+                    self.assertRegex(str(refused.exception), "^subsystem .* cannot begin")
+                for _ in range(3):
+                    for array in "state", "energy", "entropy", "bulk_energy", "bulk_entropy", "flux", "coenergy":
+                        self.assertEqual(getattr(scene, array).tobytes(), getattr(plain, array).tobytes(), array)
+                    self.assertEqual((scene.steps, repr(scene.ledger)), (plain.steps, repr(plain.ledger)))
+                    scene.step()
+                    plain.step()
+                scene.close()
+                self.assertEqual(list(portmet.Recording(path).step), [2, 3, 4, 5])
+
     def test_inputs(self):
         scene = portmet.Scene("configs/driven_lower.yaml")
         free = scene.step(3).state.copy()
