@@ -34,7 +34,16 @@ const char *portmet_error(void) {
 
 // --- opening ---
 
-static void copy_ledger(portmet_scene *s) {
+// Brings the arrays that the caller sees up to date. Before the first step nothing has flowed.
+static void update_arrays(portmet_scene *s) {
+    const pm_physics *physics = &s->setup.scene->physics;
+    const pm_sample *sample = &s->run.sample;
+    for (int i = 0; i < physics->nsubsystem && sample->step == 0; ++i) {
+        sample->bulk_energy[i] = sample->bulk_entropy[i] = NAN;
+    }
+    for (int i = 0; i < physics->nport && sample->step == 0; ++i) {
+        sample->flux[i][0] = sample->flux[i][1] = (pm_flux){NAN, NAN, NAN, NAN};
+    }
     const pm_ledger *ledger = &s->run.ledger;
     const double value[PORTMET_LEDGER_SIZE] = {
         [PORTMET_FIRST_ENERGY] = ledger->first_energy,
@@ -67,9 +76,7 @@ static pm_status open_run(portmet_scene *s, pm_scene *scene, const char *weights
     s->setup.boundary_input.held = s->input;
     PM_TRY(pm_scene_variable_names(&s->variables, scene, &s->setup.arena));
     PM_TRY(pm_fleet_weight_names(s->setup.system, &s->nweight, &s->weight, &s->setup.arena));
-    PM_TRY(pm_local_run_open(&s->run, &s->setup, PM_LOCAL_UNDO));
-    copy_ledger(s);
-    return PM_OK;
+    return pm_local_run_open(&s->run, &s->setup, PM_LOCAL_UNDO);
 }
 
 static const char *scene_name(const portmet_scene *scene) {
@@ -86,7 +93,7 @@ static pm_status enter(portmet_scene *scene) {
 
 static int leave(portmet_scene *scene, pm_status status) {
     if (scene->remote == NULL) {
-        copy_ledger(scene);
+        update_arrays(scene);
     }
     if (status == PM_OK) {
         pm_forget_error();
@@ -244,7 +251,7 @@ static pm_status restart(portmet_scene *scene, const double *z) {
     z = z == NULL ? scene->setup.initial : z;
     PM_TRY(pm_monolithic_check_state(scene->run.monolithic, z));
     PM_TRY(end_recording(scene));
-    return pm_local_run_start(&scene->run, z == NULL ? scene->setup.initial : z);
+    return pm_local_run_start(&scene->run, z);
 }
 
 int portmet_scene_restart(portmet_scene *scene, const double *z) {

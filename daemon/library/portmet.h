@@ -141,7 +141,8 @@ enum portmet_array {
     PORTMET_ENERGY = 1,       /* [S] J */
     PORTMET_ENTROPY = 2,      /* [S] J/K */
     PORTMET_BULK_ENERGY = 3,  /* [S] W, the power of the subsystem's own term: 0 in the hard form */
-    PORTMET_BULK_ENTROPY = 4, /* [S] W/K, the production of the subsystem's own term */
+    PORTMET_BULK_ENTROPY = 4, /* [S] W/K, the production of the subsystem's own term; like all means
+                                 over the last step, NaN at step 0 */
     PORTMET_FLUX = 5,  /* [P][2][4] for the ends a and b: the energy flux in W and the entropy flux
                           in W/K, positive into the subsystem, then the gross flux of each, which
                           is the sum of the magnitudes of its terms; means over the last step */

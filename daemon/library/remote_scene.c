@@ -36,6 +36,12 @@ static pm_status take(pm_remote_scene *s) {
     ledger[PORTMET_ENERGY_RESIDUAL] = r->energy_residual;
     ledger[PORTMET_ENTROPY_RESIDUAL] = r->entropy_residual;
     ledger[PORTMET_VIOLATIONS] = (double)r->violations;
+    // Before the first step nothing has flowed.
+    for (int i = PORTMET_BULK_ENERGY; i <= PORTMET_FLUX && r->step == 0; ++i) {
+        for (size_t k = 0; k < s->size[i]; ++k) {
+            ((double *)s->array[i])[k] = NAN;
+        }
+    }
     s->step = r->step;
     s->time = r->time;
     return PM_OK;

@@ -430,7 +430,7 @@ static void put_sample(const pm_recording *r, const pm_sample *sample) {
         }
     }
     for (int i = 0; i < scene->network.nlive; ++i) {
-        *next(&at, row) = sample->live[i];
+        *next(&at, row) = none ? NAN : sample->live[i];
     }
 }
 

@@ -6,7 +6,8 @@
 //     PM_SUBSYSTEM_NUMBERS (sample.h)
 //   /ports/<name>/energy_flux_a, energy_flux_b W, entropy_flux_a, entropy_flux_b W/K [sample]:
 //     the series of PM_END_NUMBERS
-//   /live/<name> [sample]: the value of a live input during the step before, in SI units
+//   /live/<name> [sample]: the value of a live input during the step before, in SI units; NaN
+//       in the sample of step 0
 //   /ledger/energy J, entropy J/K, energy_residual, entropy_residual [sample]: the residuals are
 //     relative (sim/ledger.h); the totals include what has left through boundary inputs
 // The subsystems, or ports, for which one key of the scene stands, such as "link[0:9]", share their
