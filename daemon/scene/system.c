@@ -11,10 +11,13 @@
 #include "model/training_range.h"
 #include "scene/columns.h"
 
-#define SAMPLES 64    // states of a dataset that are compared with the training ranges
-#define FAR 5.0       // widths of a training range beyond which there are other systems and units
-#define NARROW 0.1    // of the size of a value: the least width
-#define FIT_DIGITS 16 // of the digest of a fit (weights.h)
+#define SAMPLES 64   // states of a dataset that are compared with the training ranges
+#define FAR 5.0      // widths of a training range beyond which there are other systems and units
+#define NARROW 0.1   // of the size of a value: the least width
+#define SMALL 0.01   // of the least size in a training range, below which the unit is another
+#define NOT_WIDE 3.0 // ratio of the bounds of such a range: what varies more may become small
+#define MOST_STEPS 999.0 // between two states of a dataset; times in ms have a thousand or more
+#define FIT_DIGITS 16    // of the digest of a fit (weights.h)
 
 // The entries of the scene that describe a component.
 typedef struct source {
@@ -363,8 +366,11 @@ pm_status pm_system_check_range(const pm_system *system, int count, const double
             const double low = range.low[g], high = range.high[g];
             // What was nearly constant has no width.
             const double most = FAR * fmax(high - low, NARROW * fmax(fabs(low), fabs(high)));
+            const double least = fmin(fabs(low), fabs(high)), size = fmax(fabs(low), fabs(high));
+            const bool is_narrow = low * high > 0 && size <= NOT_WIDE * least;
             double value, far = 0;
-            int n = 0, outside = 0; // on either side, between which a unit too small swings
+            int n = 0, small = 0;
+            int outside = 0; // on either side, between which a unit too small swings
             for (int k = 0; k < count; ++k) {
                 const double *own = z + (size_t)k * (size_t)scene->physics.nz;
                 own += scene->physics.subsystem[i].first;
@@ -372,10 +378,13 @@ pm_status pm_system_check_range(const pm_system *system, int count, const double
                 n += isfinite(value);
                 const bool is_far = value > high + most || value < low - most;
                 outside += is_far;
-                far = is_far ? value : far;
+                const bool is_small = is_narrow && value != 0 && fabs(value) < SMALL * least;
+                small += is_small;
+                far = is_far || is_small ? value : far;
             }
-            if (2 * outside > n && (pm_part_depends(part, &part->spec.energy, name) ||
-                                    pm_part_depends(part, &part->spec.entropy, name))) {
+            if ((2 * outside > n || (n > 1 && small == n)) &&
+                (pm_part_depends(part, &part->spec.energy, name) ||
+                 pm_part_depends(part, &part->spec.entropy, name))) {
                 return pm_fail(PM_EDATA,
                                "%s: %s.%s is %.4g %s, and the weights %s were trained on %.4g to "
                                "%.4g: are they of another system, or is the unit another? With "
@@ -399,6 +408,13 @@ pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dat
                 PM_EDATA, "%s: made with %.64s; the weights %s of subsystem %s are for %.64s", path,
                 own, other->path, system->scene->physics.subsystem[i].name, other->coordinates);
         }
+    }
+    const double dt = system->scene->physics.dt;
+    if (dataset->ntime > 1 && dataset->dt > MOST_STEPS * dt) {
+        return pm_fail(PM_EDATA,
+                       "%s: states are %g s apart, the scene %s steps by %g s: are the times in "
+                       "ms? A longer dt with more substeps takes the same substeps",
+                       path, dataset->dt, system->scene->path, dt);
     }
     pm_arena arena = {0};
     pm_columns columns;

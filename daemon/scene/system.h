@@ -70,14 +70,16 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
 pm_status pm_system_check_boundary_inputs(const pm_system *system);
 
 // Checks that at least half of the states z [count][nz] are no further from the training ranges of
-// the weights than five widths: further away are other systems and other units. Groups on which no
-// potential depends may be anywhere, as may all if the scene has a guard for the range. `what`
-// names the states in the message. PM_EDATA.
+// the weights than five widths: further away are other systems and other units. Checks also that
+// several states are not all a hundredth, or less, of what a training range has that keeps far from
+// zero. Groups on which no potential depends may be anywhere, as may all if the scene has a guard
+// for the range. `what` names the states in the message. PM_EDATA.
 pm_status pm_system_check_range(const pm_system *system, int count, const double *z,
                                 const char *what);
 
 // Checks that the weights of the parts were made in the coordinates that the note `coordinates` of
-// a dataset names, as far as both are known, and pm_system_check_range for some of its states.
+// a dataset names, as far as both are known, that fewer than a thousand steps of the scene
+// lie between two of its states, and pm_system_check_range for some of its states.
 // `path` names the dataset in the message. PM_EDATA; PM_ENOMEM.
 pm_status pm_system_check_dataset(const pm_system *system, const pm_dataset *dataset,
                                   const char *path);

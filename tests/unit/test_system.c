@@ -351,6 +351,12 @@ static void test_range(void **state) {
         {{1, 1, 3, 0, 1, 3, 1, 1, NAN, 0, 1, 3}, 2, "", NULL},
         // What swings around the range is outside, too.
         {{1, 1, 99, 0, 1, 3, 1, 1, -99, 0, 1, 3}, 2, "", "upper.s is -99 J/K"},
+        // What is much smaller in all states has another unit, unless it is zero or only one is.
+        {{1, 1, 0.003, 0, 1, 3, 1, 1, 0.004, 0, 1, 3}, 2, "", "upper.s is 0.004 J/K"},
+        {{1, 1, 0.003, 0, 1, 3, 1, 1, 3, 0, 1, 3}, 2, "", NULL},
+        {{1, 1, 0, 0, 1, 3, 1, 1, 0, 0, 1, 3}, 2, "", NULL},
+        {{1, 1, 0.003, 0, 1, 3}, 1, "", NULL},
+        {{1, 1, 0.003, 0, 1, 3, 1, 1, 0.004, 0, 1, 3}, 2, "guards: {training_range: 9}\n", NULL},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         char text[100];
@@ -425,6 +431,29 @@ static void coordinates_must_agree_where_they_are_known(void **state) {
     }
 }
 
+// Times in ms in place of s make steps a thousand times too long.
+static void states_are_not_a_thousand_steps_apart(void **state) {
+    pm_scene *scene = edited(*state, "pair", "pair");
+    pm_system *system = NULL;
+    assert_int_equal(pm_system_load(&system, scene, NULL), PM_OK);
+    static const struct {
+        int ntime;
+        double steps;
+        pm_status status;
+    } cases[] = {{2, 1, PM_OK}, {2, 500, PM_OK}, {2, 1000, PM_EDATA}, {1, 1000, PM_OK}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        static const char *const column = "x";
+        pm_dataset *d = NULL;
+        const double dt = cases[i].steps * scene->physics.dt;
+        assert_int_equal(pm_dataset_new(&d, 1, cases[i].ntime, 1, dt, &column), PM_OK);
+        assert_int_equal(pm_system_check_dataset(system, d, "data.h5"), cases[i].status);
+        assert_true(cases[i].status == PM_OK || strstr(pm_error(), "are the times in ms?") != NULL);
+        pm_dataset_free(d);
+    }
+    pm_system_free(system);
+    pm_scene_free(scene);
+}
+
 // Another folder's weights take the place of the scene's, by file name.
 static void test_weights_folder(void **state) {
     scratch *folder = *state;
@@ -451,6 +480,7 @@ int main(void) {
         cmocka_unit_test_teardown(test_range, plain),
         cmocka_unit_test(test_weights_folder),
         cmocka_unit_test(coordinates_must_agree_where_they_are_known),
+        cmocka_unit_test(states_are_not_a_thousand_steps_apart),
         cmocka_unit_test(rates_hold_for_all_steps),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
