@@ -22,19 +22,6 @@
 
 // --- opening ---
 
-bool pm_is_contact_gap(const pm_system *system, int id) {
-    const pm_scene *scene = system->scene;
-    for (int i = 0; i < scene->physics.nport; ++i) {
-        const int body = scene->physics.port[i].subsystem[PM_END_A];
-        if (scene->physics.port[i].subsystem[PM_END_B] == id && body >= 0 &&
-            strcmp(scene->physics.port[i].law, "contact") == 0 &&
-            pm_part_kind_of(system->part[body]) == PM_PART_SOLID) {
-            return true;
-        }
-    }
-    return false;
-}
-
 pm_status pm_contact_gap_open(pm_contact_gap *gap, pm_arena *arena, const pm_system *system,
                               int id) {
     const pm_part *part = system->part[id];

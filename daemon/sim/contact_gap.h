@@ -57,9 +57,6 @@ typedef struct pm_contact_gap {
     double *work;  // of the solution
 } pm_contact_gap;
 
-// Returns true if subsystem number `id` is such a gap: the second end of a port of the law
-// `contact` whose first end is a solid.
-bool pm_is_contact_gap(const pm_system *system, int id);
 // Opens the gap. The arrays lie in the arena. PM_ECONFIG: the subsystem has no entropy to take up
 // heat, or irreversible operators. PM_ENOMEM.
 pm_status pm_contact_gap_open(pm_contact_gap *gap, pm_arena *arena, const pm_system *system,

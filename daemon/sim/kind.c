@@ -426,8 +426,19 @@ static void serialize_solid(const pm_subsystem_group *group, pm_serializer *seri
 
 // --- gap ---
 
+// Returns true if a subsystem is the second end of a port of the law `contact` whose first end is a
+// solid.
 static bool is_gap(const pm_model *m, int id) {
-    return m->method->implicit && pm_is_contact_gap(m->system, id);
+    const pm_physics *physics = &m->system->scene->physics;
+    for (int i = 0; i < physics->nport && m->method->implicit; ++i) {
+        const int body = physics->port[i].subsystem[PM_END_A];
+        if (physics->port[i].subsystem[PM_END_B] == id && body >= 0 &&
+            strcmp(physics->port[i].law, "contact") == 0 &&
+            pm_part_kind_of(m->system->part[body]) == PM_PART_SOLID) {
+            return true;
+        }
+    }
+    return false;
 }
 
 static pm_status open_gap(pm_model *m, pm_subsystem_group *group, int width) {

@@ -255,32 +255,6 @@ void pm_local_subsystems_undo_step(pm_local_subsystems *local) {
     swap_fluxes(d);
 }
 
-// Checks what a subsystem shows at d->z.
-static pm_status check_shown(const pm_model *m, const pm_data *d, int id) {
-    const pm_scene_subsystem *subsystem = &m->system->scene->physics.subsystem[id];
-    const pm_address at = pm_model_address(m, id);
-    const double E = d->E[at.lane], S = d->S[at.lane];
-    if (!isfinite(E) || !isfinite(S)) {
-        return pm_fail(PM_ENUMERIC,
-                       "subsystem %s: a run cannot begin in a state of the energy %g J and the "
-                       "entropy %g J/K",
-                       subsystem->name, E, S);
-    }
-    for (int i = 0; i < subsystem->layout.ngroup; ++i) {
-        const pm_group *group = &subsystem->layout.group[i];
-        for (int c = 0; c < group->size; ++c) {
-            const double dE = d->shown[PM_SHOWN_DE][at.first + (group->first + c) * at.step];
-            if (!isfinite(dE)) {
-                return pm_fail(PM_ENUMERIC,
-                               "subsystem %s: a run cannot begin in a state where the co-energy of "
-                               "%s[%d] is %g",
-                               subsystem->name, group->name, c, dE);
-            }
-        }
-    }
-    return PM_OK;
-}
-
 pm_status pm_local_subsystems_check_state(pm_local_subsystems *local, const double *z) {
     const pm_model *m = &local->model;
     pm_data *d = &local->data;
@@ -291,7 +265,20 @@ pm_status pm_local_subsystems_check_state(pm_local_subsystems *local, const doub
     put_state(m, d, z);
     pm_expose_all(m, d, false);
     for (int i = 0; i < m->count && status == PM_OK; ++i) {
-        status = check_shown(m, d, m->id[i]);
+        const pm_scene_subsystem *subsystem = &m->system->scene->physics.subsystem[m->id[i]];
+        const pm_address at = pm_model_address(m, m->id[i]);
+        const double E = d->E[at.lane], S = d->S[at.lane], *dE = d->shown[PM_SHOWN_DE] + at.first;
+        int c = 0;
+        while (c < subsystem->layout.nz && isfinite(dE[c * at.step])) {
+            ++c;
+        }
+        if (!isfinite(E) || !isfinite(S) || c < subsystem->layout.nz) {
+            status =
+                pm_fail(PM_ENUMERIC,
+                        "subsystem %s: a run cannot begin in a state of the energy %g J, the "
+                        "entropy %g J/K and the co-energy %g",
+                        subsystem->name, E, S, dE[(c < subsystem->layout.nz ? c : 0) * at.step]);
+        }
     }
     pm_local_subsystems_undo_step(local);
     return status;
