@@ -129,14 +129,40 @@ static pm_status check_path(const char *option, const char *path) {
 static pm_status check_unit_path(const char *path, bool written) {
     static const char own[] = "/var/lib/portmet/";
     static const char *const hidden[] = {"/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/"};
-    bool sees = true;
-    for (size_t i = 0; path != NULL && i < sizeof hidden / sizeof *hidden; ++i) {
-        sees = sees && strncmp(path, hidden[i], strlen(hidden[i])) != 0;
+    char whole[PATH_MAX];
+    if (path == NULL) {
+        return PM_OK;
     }
-    if (!sees || (path != NULL && written && strncmp(path, own, strlen(own)) != 0)) {
+    const char *real = realpath(path, whole); // links may lead into a hidden folder
+    bool sees = true;
+    for (size_t i = 0; i < sizeof hidden / sizeof *hidden; ++i) {
+        sees = sees && strncmp(path, hidden[i], strlen(hidden[i])) != 0 &&
+               (real == NULL || strncmp(real, hidden[i], strlen(hidden[i])) != 0);
+    }
+    if (!sees ||
+        (written && (strncmp(path, own, strlen(own)) != 0 || strstr(path, "/../") != NULL))) {
         return pm_fail(PM_EUSAGE, "emit: %s: the units %s", path,
                        written ? "write only below /var/lib/portmet"
                                : "do not see /home, /root, /run/user, /tmp and /var/tmp");
+    }
+    return PM_OK;
+}
+
+// Fails if the units cannot read what the scene and the options name, or cannot write the
+// recording.
+static pm_status check_unit_paths(const emission *e) {
+    const pm_physics *physics = &e->scene->physics;
+    const pm_run_options *o = e->options;
+    PM_TRY(check_unit_path(e->path, false));
+    PM_TRY(check_unit_path(o->weights, false));
+    PM_TRY(check_unit_path(o->record, true));
+    PM_TRY(check_unit_path(e->scene->network.key_file, false));
+    PM_TRY(check_unit_path(e->scene->run.reference, false));
+    for (int i = 0; i < physics->nsubsystem && o->weights == NULL; ++i) {
+        PM_TRY(check_unit_path(physics->subsystem[i].weights, false));
+    }
+    for (int i = 0; i < physics->nport && o->weights == NULL; ++i) {
+        PM_TRY(check_unit_path(physics->port[i].weights, false));
     }
     return PM_OK;
 }
@@ -300,11 +326,7 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(check_text(options->url));
     PM_TRY_DONE(check_path("--weights", options->weights));
     PM_TRY_DONE(check_path("--record", options->record));
-    if (systemd) {
-        PM_TRY_DONE(check_unit_path(e.path, false));
-        PM_TRY_DONE(check_unit_path(options->weights, false));
-        PM_TRY_DONE(check_unit_path(options->record, true));
-    }
+    PM_TRY_DONE(systemd ? check_unit_paths(&e) : PM_OK);
     status =
         systemd ? emit_systemd(&e) : write_text(&e, options->output, pm_emit_procman, -1, NULL);
 done:

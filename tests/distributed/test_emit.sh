@@ -66,6 +66,9 @@ runs procman
 
 refuses 'write only below /var/lib/portmet' systemd "$scene" --record "$folder/run.h5" -o "$folder/hosts"
 refuses 'do not see /home, /root' systemd "$scene" --weights /home/x/weights -o "$folder/hosts"
+refuses 'write only below /var/lib/portmet' systemd "$scene" --record /var/lib/portmet/../run.h5 -o "$folder/hosts"
+sed 's,left\.h5,/root/left.h5,' "$scene" >"$folder/hidden.yaml"
+refuses '/root/left.h5: the units do not see /home, /root' systemd "$folder/hidden.yaml" -o "$folder/hosts"
 # What is served has the runs that clients start.
 set -- --hosts one,two,coordinator=three --url "$url"
 refuses 'clients start the runs' systemd "$scene" "$@" --steps 3 -o "$folder/hosts"
