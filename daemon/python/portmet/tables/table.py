@@ -75,11 +75,11 @@ def drop_unnamed(run):
 
 
 def refuse_repeated_names(run):
+    if len(run.names) > MOST_COLUMNS:
+        raise Refused(DATA, f"{run.path}: {len(run.names)} columns, expected at most {MOST_COLUMNS}")
     for i, name in enumerate(run.names):
         if name in run.names[:i]:
             raise Refused(DATA, f'{run.path}: two columns have the name "{name}"')
-    if len(run.names) > MOST_COLUMNS:
-        raise Refused(DATA, f"{run.path}: {len(run.names)} columns, expected at most {MOST_COLUMNS}")
 
 
 def find_time(run, given):
