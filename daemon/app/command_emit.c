@@ -148,25 +148,6 @@ static pm_status check_unit_path(const char *path, bool written) {
     return PM_OK;
 }
 
-// Fails if the units cannot read what the scene and the options name, or cannot write the
-// recording.
-static pm_status check_unit_paths(const emission *e) {
-    const pm_physics *physics = &e->scene->physics;
-    const pm_run_options *o = e->options;
-    PM_TRY(check_unit_path(e->path, false));
-    PM_TRY(check_unit_path(o->weights, false));
-    PM_TRY(check_unit_path(o->record, true));
-    PM_TRY(check_unit_path(e->scene->network.key_file, false));
-    PM_TRY(check_unit_path(e->scene->run.reference, false));
-    for (int i = 0; i < physics->nsubsystem && o->weights == NULL; ++i) {
-        PM_TRY(check_unit_path(physics->subsystem[i].weights, false));
-    }
-    for (int i = 0; i < physics->nport && o->weights == NULL; ++i) {
-        PM_TRY(check_unit_path(physics->port[i].weights, false));
-    }
-    return PM_OK;
-}
-
 // --- texts ---
 
 // Returns "NAME VALUE " in the arena, or "" if the option was not given.
@@ -266,6 +247,20 @@ static pm_status emit_systemd(emission *e) {
         return pm_fail(PM_EUSAGE, "emit systemd: --steps is for procman: clients start the runs of "
                                   "a service");
     }
+    // What the scene and the options name.
+    const pm_physics *physics = &e->scene->physics;
+    const char *weights = e->options->weights;
+    PM_TRY(check_unit_path(e->path, false));
+    PM_TRY(check_unit_path(weights, false));
+    PM_TRY(check_unit_path(e->options->record, true));
+    PM_TRY(check_unit_path(e->scene->network.key_file, false));
+    PM_TRY(check_unit_path(e->scene->run.reference, false));
+    for (int i = 0; i < physics->nsubsystem && weights == NULL; ++i) {
+        PM_TRY(check_unit_path(physics->subsystem[i].weights, false));
+    }
+    for (int i = 0; i < physics->nport && weights == NULL; ++i) {
+        PM_TRY(check_unit_path(physics->port[i].weights, false));
+    }
     for (int k = 0; k < e->nhost; ++k) {
         const char *host = e->called[k];
         const char *settings = pm_arena_printf(&e->arena, "%s/%s/etc/portmet", root, host);
@@ -326,7 +321,6 @@ static pm_status execute(const pm_run_options *options) {
     PM_TRY_DONE(check_text(options->url));
     PM_TRY_DONE(check_path("--weights", options->weights));
     PM_TRY_DONE(check_path("--record", options->record));
-    PM_TRY_DONE(systemd ? check_unit_paths(&e) : PM_OK);
     status =
         systemd ? emit_systemd(&e) : write_text(&e, options->output, pm_emit_procman, -1, NULL);
 done:

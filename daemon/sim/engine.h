@@ -250,6 +250,7 @@ struct pm_kind {
     const char *name;
     bool single; // each subsystem needs a group of its own
     bool needs_end_rates;
+    bool keeps_energy; // an implicit step that has converged leaves no energy open
     // Returns true if subsystem number `id` is of this kind.
     bool (*is)(const pm_model *m, int id);
     // Opens graphs and object. It may return with group->width = 0 if the group needs another

@@ -30,8 +30,12 @@ bool pm_iteration_end_round(pm_iteration *iteration, double change, double open,
     it->rising = change > it->change ? it->rising + 1 : 0;
     const bool small = change <= PM_ITERATION_ACCEPTED && !counts && it->rising < RISING;
     const bool late = near && left <= diameter + 1 && small;
-    const bool rounding = change <= PM_ITERATION_ROUNDING && change >= it->change;
-    const bool converged = change <= PM_ITERATION_CONVERGED || rounding || late;
+    const bool settled = change <= PM_ITERATION_CONVERGED ||
+                         (change <= PM_ITERATION_ROUNDING && change >= it->change);
+    // An iterate that hardly changes may leave energy open, as where a stiff gap has closed. What
+    // all subsystems store is known where they are near.
+    const bool leaves = counts && near && it->keeps_energy;
+    const bool converged = (settled && !leaves) || late;
     it->known = (it->known & it->heard) << 1 | (converged ? 1 : 0);
     const bool all = diameter < BITS && (it->known >> diameter & 1) != 0;
     if (near) {

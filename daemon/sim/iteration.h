@@ -30,11 +30,14 @@
 
 // The caller owns this storage.
 typedef struct pm_iteration {
-    double change;       // of the last round; infinite before the first
-    double start, taken; // J, energy at the start of the substep, and taken in by the last rates;
-                         // of the caller
-    uint64_t known;      // the bits
-    uint64_t heard;      // those that all neighbours have exposed in this round
+    double change; // of the last round; infinite before the first
+    // Of the caller, in J: the energy at the start of the substep, what the last rates took in, and
+    // the sum of the magnitudes of that. `keeps_energy`: no iterate has converged while energy
+    // counts.
+    double start, taken, gross;
+    bool keeps_energy;
+    uint64_t known;              // the bits
+    uint64_t heard;              // those that all neighbours have exposed in this round
     uint64_t scale, heard_scale; // exponents of the largest energies; see iteration.c
     int rising;                  // rounds, up to the last one, in which the change has grown
     bool last;                   // the round that begins is the last one

@@ -9,6 +9,8 @@
 // The most Newton steps of the projection onto energy and entropy. After the first one the residual
 // is about the square of the method's error.
 #define MOST_MOVES 3
+#define EASILY 0.125    // times the tolerance: what a subsystem may leave open of its own energies
+#define STRICTEST 1e-13 // tolerance of the energy in an iteration, since it has rounding errors
 
 // --- what all families share ---
 
@@ -275,20 +277,25 @@ static double iterate(const pm_model *m, pm_data *d, const pm_subsystem_group *g
 }
 
 // Returns by how much the energy of the present iterate differs from that at the start of the
-// substep and what the subsystem has taken in by the rates that made the iterate, in J.
-static double open_energy(const pm_data *d, const pm_subsystem_group *group, pm_iteration *it) {
+// substep and what the subsystem has taken in by the rates that made the iterate, in J; 0 where
+// that is less than EASILY times `tolerance` of these energies.
+static double open_energy(const pm_data *d, const pm_subsystem_group *group, double tolerance,
+                          pm_iteration *it) {
     const double E = d->E[group->first_lane];
     const double *dE = d->shown[PM_SHOWN_DE] + group->first, *k = d->k + group->first;
     if (d->stage == 0) {
         it->start = E;
-        it->taken = 0;
+        it->taken = it->gross = 0;
     }
     const double open = fabs(E - it->start - it->taken);
-    it->taken = 0;
+    const double least = EASILY * tolerance * (fabs(E) + fabs(it->start) + it->gross);
+    it->taken = it->gross = 0;
     for (int c = 0; c < group->nz; ++c) {
-        it->taken += d->h * dE[c] * k[c];
+        const double part = d->h * dE[c] * k[c];
+        it->taken += part;
+        it->gross += fabs(part);
     }
-    return open;
+    return open > least || isnan(open) ? open : 0;
 }
 
 // Chooses the length of the next piece of the substep.
@@ -337,17 +344,18 @@ static void end_piece(const pm_model *m, pm_data *d) {
 
 static void advance_iteration(const pm_model *m, pm_data *d) {
     const int left = m->integrator->most_iterations - (d->stage + 1), halvings = d->halvings;
+    const double tolerance = fmax(m->system->scene->run.energy_tolerance, STRICTEST);
     bool last = false, stuck = false;
     int slowest = 0;
     for (int i = 0; i < m->ngroup; ++i) {
         const pm_subsystem_group *group = &m->group[i];
         bool *moves = &d->moves[group->first_lane];
         pm_iteration *iteration = &d->iteration[group->first_lane];
-        const double open = open_energy(d, group, iteration);
+        const double open = open_energy(d, group, tolerance, iteration);
+        iteration->keeps_energy = group->kind->keeps_energy;
         const double change = iterate(m, d, group, moves);
-        last =
-            pm_iteration_end_round(iteration, change, open / m->system->scene->run.energy_tolerance,
-                                   m->system->scene->physics.diameter, left);
+        last = pm_iteration_end_round(iteration, change, open / tolerance,
+                                      m->system->scene->physics.diameter, left);
         stuck = stuck || iteration->stuck;
         slowest =
             iteration->change <= d->iteration[m->group[slowest].first_lane].change ? slowest : i;

@@ -142,6 +142,14 @@ static void test_rounding_counts(void **state) {
         assert_false(pm_iteration_end_round(&it, 2 * PM_ITERATION_ROUNDING, 0, 0, ROUNDS));
         assert_false(it.last);
     }
+    // Energy that is left open counts where a converged iterate leaves none.
+    for (int keeps = 0; keeps < 2; ++keeps) {
+        pm_iteration_start(&it);
+        it.start = 1;
+        it.keeps_energy = keeps == 1;
+        assert_false(pm_iteration_end_round(&it, 0, 3, 0, ROUNDS));
+        assert_int_equal(it.last, keeps == 0);
+    }
 }
 
 // The last rounds accept a small change, unless it leaves energy open beside which no subsystem's
