@@ -1016,13 +1016,12 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     }
     if (hints->budget > 0) {
         status = find_hidden(search);
+        status = status == PM_OK ? confirm(search) : status;
         interrupted = status == PM_EINTERRUPTED;
+        PM_TRY_DONE(interrupted ? PM_OK : status);
         if (interrupted) { // the best of what has been tried is written
             search->start = found_by_best(search);
             own.budget = 0;
-        } else {
-            PM_TRY_DONE(status);
-            PM_TRY_DONE(confirm(search));
         }
         print_trials(search, comment);
     }
