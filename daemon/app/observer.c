@@ -286,7 +286,8 @@ pm_status pm_observer_check_recording(const pm_run_options *options) {
 }
 
 // Says what a user should know of the weights: the worst verdict on a fit, and of what system they
-// are, if a scene that does not ask for any takes those of another one alone.
+// are, if a scene that does not ask for any takes all of them from another one. Weights of several
+// systems have been put together on purpose.
 static void say_origin(const pm_setup *setup, const pm_journal *log) {
     const pm_scene *scene = setup->scene;
     const pm_provenance *foreign = NULL;
@@ -300,7 +301,8 @@ static void say_origin(const pm_setup *setup, const pm_journal *log) {
     for (int i = 0; i < pm_system_components(setup->system); ++i) {
         const pm_provenance *of = setup->system->component[i].provenance;
         const bool known = of->path != NULL && *of->system != '\0';
-        own = own || (known && strcmp(of->system, scene->name) == 0);
+        own = own || (known && (strcmp(of->system, scene->name) == 0 ||
+                                (foreign != NULL && strcmp(of->system, foreign->system) != 0)));
         foreign = known ? of : foreign;
     }
     if (!own && foreign != NULL) {
