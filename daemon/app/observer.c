@@ -285,34 +285,6 @@ pm_status pm_observer_check_recording(const pm_run_options *options) {
     return pm_recording_check(options->record, options->overwrite);
 }
 
-// Says what a user should know of the weights: the worst verdict on a fit, and of what system they
-// are, if a scene that does not ask for any takes all of them from another one. Weights of several
-// systems have been put together on purpose.
-static void say_origin(const pm_setup *setup, const pm_journal *log) {
-    const pm_scene *scene = setup->scene;
-    const pm_provenance *foreign = NULL;
-    bool own = scene->system != NULL;
-    const int worst = pm_system_worst_verdict(setup->system);
-    if (worst >= 0) {
-        const pm_provenance *of = setup->system->component[worst].provenance;
-        pm_journal_write(log, PM_JOURNAL_WARNING, 0, NULL, "the verdict on the fit of %s: %s",
-                         of->path, of->verdict);
-    }
-    for (int i = 0; i < pm_system_components(setup->system); ++i) {
-        const pm_provenance *of = setup->system->component[i].provenance;
-        const bool known = of->path != NULL && *of->system != '\0';
-        own = own || (known && (strcmp(of->system, scene->name) == 0 ||
-                                (foreign != NULL && strcmp(of->system, foreign->system) != 0)));
-        foreign = known ? of : foreign;
-    }
-    if (!own && foreign != NULL) {
-        pm_journal_write(log, PM_JOURNAL_NOTICE, 0, NULL,
-                         "the weights %s were learned in the system \"%s\"; a scene with the key "
-                         "`system` takes no others",
-                         foreign->path, foreign->system);
-    }
-}
-
 pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
                            const pm_run_options *options) {
     *observer = (pm_observer){.options = options, .scene = setup->scene, .started = pm_clock()};
@@ -332,8 +304,11 @@ pm_status pm_observer_open(pm_observer *observer, const pm_setup *setup,
         report->score = pm_arena_array(arena, (size_t)setup->columns.ngroup, sizeof *report->score);
     }
     PM_TRY(pm_arena_status(arena, "report"));
-    if (!options->quiet) {
-        say_origin(setup, &options->log);
+    const int worst = pm_system_worst_verdict(setup->system);
+    if (worst >= 0 && !options->quiet) {
+        const pm_provenance *of = setup->system->component[worst].provenance;
+        pm_journal_write(&options->log, PM_JOURNAL_WARNING, 0, NULL,
+                         "the verdict on the fit of %s: %s", of->path, of->verdict);
     }
     return pm_observer_check_recording(options);
 }
