@@ -247,7 +247,7 @@ static pm_status emit_systemd(emission *e) {
         return pm_fail(PM_EUSAGE, "emit systemd: --steps is for procman: clients start the runs of "
                                   "a service");
     }
-    // What the scene and the options name.
+    // The units must see all files that the scene and the options name.
     const pm_physics *physics = &e->scene->physics;
     const char *weights = e->options->weights;
     PM_TRY(check_unit_path(e->path, false));

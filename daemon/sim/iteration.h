@@ -31,13 +31,12 @@
 // The caller owns this storage.
 typedef struct pm_iteration {
     double change; // of the last round; infinite before the first
-    // Of the caller, in J: the energy at the start of the substep, what the last rates took in, and
-    // the sum of the magnitudes of that. `keeps_energy`: no iterate has converged while energy
-    // counts.
+    // The caller keeps these, in J: the energy at the start of the substep, what the last rates
+    // took in, and the sum of the magnitudes of that.
     double start, taken, gross;
-    bool keeps_energy;
-    uint64_t known;              // the bits
-    uint64_t heard;              // those that all neighbours have exposed in this round
+    bool keeps_energy; // no iterate has converged while open energy counts; the caller says so
+    uint64_t known;    // the bits
+    uint64_t heard;    // those that all neighbours have exposed in this round
     uint64_t scale, heard_scale; // exponents of the largest energies; see iteration.c
     int rising;                  // rounds, up to the last one, in which the change has grown
     bool last;                   // the round that begins is the last one

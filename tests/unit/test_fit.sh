@@ -2,8 +2,7 @@
 # test_fit.sh PORTMET_TRAIN PORTMETD [short]: short fits of a few trajectories lower the loss; the same
 # command gives the same bits of weights, also when it was interrupted and resumed; and bad training
 # files end with one line that has file, line and column. `short` makes fits that are interrupted
-# shorter, and leaves out substeps that are doubled five times, a second fit of more iterations, a needless coupling, and a
-# network beside the fit.
+# shorter, and leaves out substeps that are doubled five times, a second fit of more iterations, and a needless coupling.
 set -u
 train=$1
 portmetd=$2
@@ -422,19 +421,17 @@ grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yam
 for text in 'form: soft' 'law: bracket' 'hidden: \[8\], skip: linear'; do
     grep -q -e "$text" "$folder/soft.yaml" || fail "soft.yaml: expected $text"
 done
-if [ "$short" != short ]; then
-    timeout 1200 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
-        >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
-    says '^Verdict: .*; the black box has [0-9.e+-]+ %\.$'
-    grep -q '^Black box: ' "$folder/out" && fail "--black-box: a regression was trained as well"
-    [ "$(grep -n 'Best weights' "$folder/out" | head -n 1 | cut -d: -f1)" -lt \
-        "$(grep -n 'A black box for comparison' "$folder/out" | cut -d: -f1)" ] ||
-        fail "--black-box: the best weights are named behind the black box"
-    [ -s "$folder/beside/black_box/training.yaml" ] || fail "--black-box: no training file"
-    for box in "$folder"/beside/black_box/*.h5; do
-        h5dump -a /seed "$box" | grep -q '(0): 5$' || fail "--black-box: $box does not have the seed 5 of --seed"
-    done
-fi
+timeout 1200 "$train" fit "$folder/honest.yaml" --data "$data" -o "$folder/beside" --black-box --seed 5 \
+    >"$folder/out" 2>"$folder/err" || fail "fit --black-box"
+says '^Verdict: .*; the black box has [0-9.e+-]+ %\.$'
+grep -q '^Black box: ' "$folder/out" && fail "--black-box: a regression was trained as well"
+[ "$(grep -n 'Best weights' "$folder/out" | head -n 1 | cut -d: -f1)" -lt \
+    "$(grep -n 'A black box for comparison' "$folder/out" | cut -d: -f1)" ] ||
+    fail "--black-box: the best weights are named behind the black box"
+[ -s "$folder/beside/black_box/training.yaml" ] || fail "--black-box: no training file"
+for box in "$folder"/beside/black_box/*.h5; do
+    h5dump -a /seed "$box" | grep -q '(0): 5$' || fail "--black-box: $box does not have the seed 5 of --seed"
+done
 data=$three
 
 # --- an energy becomes thermal by the defaults, from the temperature that it names; another seed ---

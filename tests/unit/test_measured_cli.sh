@@ -1,7 +1,7 @@
 #!/bin/sh
 # test_measured_cli.sh PORTMET_TRAIN PORTMETD [short]: from tables of angles to a prediction with bands, by the commands of
-# the trainer's page; and mistakes in tables are told with their place. `short` leaves out a network that stays, scales
-# that follow, outliers, and a pendulum with a brake: how well such fits go, and no code of their own.
+# the trainer's page; and mistakes in tables are told with their place. `short` leaves out a network that stays, outliers,
+# and a pendulum with a brake: how well such fits go, and no code of their own.
 . "$(dirname "$0")/../support/setting.sh"
 train=$1 portmetd=$2 program=$1
 short=${3:-}
@@ -174,14 +174,12 @@ sed -e 's/cos(q)/(1 - q^2\/2)/' "$folder/beside.yaml" >"$folder/lacks.yaml"
 [ "$short" = short ] || succeed "without: they stay" fit "$folder/lacks.yaml" --data "$folder/swing.h5" -o "$folder/lacks"
 
 # --- scales of networks follow the fitted trajectories, not the deviation of a start ---
-if [ "$short" != short ]; then
-    sed 's/deviation: 5.0/deviation: 0.1/' "$folder/pendulum.yaml" >"$folder/still.yaml"
-    sed -e 's/scene: pendulum/scene: still/' -e '/useless:/d' -e '/viscous:/d' -e 's/ + useless//' \
-        -e 's/irreversible: .*/irreversible: {learned: {acts_on: [p], features: ["|p|"], hidden: [4], heats: [s]}}/' \
-        "$folder/training.yaml" >"$folder/moves.yaml"
-    succeed "arm.p moves by" fit "$folder/moves.yaml" --data "$folder/swing.h5" -o "$folder/moves"
-    grep -qE "^Verdict: (good|fair)" "$folder/out" || fail "fit: scales should follow the fitted trajectories"
-fi
+sed 's/deviation: 5.0/deviation: 0.1/' "$folder/pendulum.yaml" >"$folder/still.yaml"
+sed -e 's/scene: pendulum/scene: still/' -e '/useless:/d' -e '/viscous:/d' -e 's/ + useless//' \
+    -e 's/irreversible: .*/irreversible: {learned: {acts_on: [p], features: ["|p|"], hidden: [4], heats: [s]}}/' \
+    "$folder/training.yaml" >"$folder/moves.yaml"
+succeed "arm.p moves by" fit "$folder/moves.yaml" --data "$folder/swing.h5" -o "$folder/moves"
+grep -qE "^Verdict: (good|fair)" "$folder/out" || fail "fit: scales should follow the fitted trajectories"
 
 # --- a model that cannot follow is called unfit, after other starts, and a black box that can is named ---
 sed -e 's/stiffness\*cos(q)/0.1*cos(q)/' -e '/stiffness:/d' "$folder/training.yaml" >"$folder/poor.yaml"

@@ -351,7 +351,8 @@ static void test_range(void **state) {
         {{1, 1, 3, 0, 1, 3, 1, 1, NAN, 0, 1, 3}, 2, "", NULL},
         // What swings around the range is outside, too.
         {{1, 1, 99, 0, 1, 3, 1, 1, -99, 0, 1, 3}, 2, "", "upper.s is -99 J/K"},
-        // What is much smaller in all states has another unit, unless it is zero or only one is.
+        // A group that is much smaller in all states has another unit, unless it is zero or there
+        // is one state.
         {{1, 1, 0.003, 0, 1, 3, 1, 1, 0.004, 0, 1, 3}, 2, "", "upper.s is 0.004 J/K"},
         {{1, 1, 0.003, 0, 1, 3, 1, 1, 3, 0, 1, 3}, 2, "", NULL},
         {{1, 1, 0, 0, 1, 3, 1, 1, 0, 0, 1, 3}, 2, "", NULL},

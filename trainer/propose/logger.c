@@ -509,7 +509,7 @@ static bool is_late(const hidden_search *s) {
         const bool ended = !s->trial[i].cut && error_of(s, i) < NOTHING;
         least = ended ? fmin(least, s->trial[i].seconds) : least;
     }
-    // What has been cut needs more time than it had.
+    // A trial that has been cut needs more time than it had.
     least = isfinite(least) || !s->short_of_time ? least : s->trial[0].seconds;
     return left <= 0 || (isfinite(least) && left / 2 < least) ||
            s->used >= PM_SEARCH_SLOW * s->hints->budget;
