@@ -603,16 +603,18 @@ void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_nod
 }
 
 pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
-                         const bool *wanted) {
+                         const int *ports) {
     const int nz = part->layout.nz;
     pm_node diagonal = PM_NO_NODE;
     for (int c = 0; c < nz && dE != PM_NO_NODE; ++c) {
         pm_node row = PM_NO_NODE;
-        if (wanted[c]) {
+        if (ports[c] > 0) {
             pm_gradient(g, pm_slice(g, dE, c, 1), PM_NO_NODE, 1, &z_to, &row);
         }
         if (row != PM_NO_NODE) {
-            diagonal = pm_add_or(g, diagonal, pm_place(g, pm_slice(g, row, c, 1), c, nz));
+            const pm_node one = pm_slice(g, row, c, 1);
+            const pm_node all = ports[c] > 1 ? pm_scale(g, one, ports[c]) : one;
+            diagonal = pm_add_or(g, diagonal, pm_place(g, all, c, nz));
         }
     }
     return diagonal;

@@ -83,10 +83,10 @@ pm_node pm_part_entropy(pm_graph *g, const pm_part *part, pm_node z);
 void pm_part_coenergies(pm_graph *g, const pm_part *part, pm_node z_from, pm_node z_to, pm_node *dE,
                         pm_node *dS);
 // Returns the response of the co-energies (prediction.h): the diagonal [1][nz] of the derivative of
-// dE with respect to z_to for the components marked in `wanted` [nz], and zero for the others.
-// PM_NO_NODE if it is zero everywhere.
+// dE with respect to z_to, times ports[c] for each component c. PM_NO_NODE if it is zero
+// everywhere.
 pm_node pm_part_response(pm_graph *g, const pm_part *part, pm_node dE, pm_node z_to,
-                         const bool *wanted);
+                         const int *ports);
 // Returns true if the part has discrete derivatives, that is, if all its features have them.
 bool pm_part_is_discrete(const pm_part *part);
 

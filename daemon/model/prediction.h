@@ -3,10 +3,12 @@
 // Within a step the exchange changes the co-energies that drive it, such as the temperatures of two
 // bodies in thermal contact. If this change is larger than the difference of the co-energies, a
 // fixed-point iteration diverges. Therefore both ends publish how their co-energies respond to a
-// rate, and one step of Newton's method predicts the co-energies at the end of the exchange. The
-// law, evaluated at the prediction, gives the direction of the rate, and Newton's step gives its
-// size. Both ends compute the same numbers. The properties of the law that hold for any size of the
-// rate hold in every iteration: the energy fluxes cancel, and entropy is produced.
+// rate, and one step of Newton's method predicts the co-energies at the end of the exchange. Where
+// several ports act on a component, they change it at the same time: the response that each of them
+// sees is as many times larger, so that together they do not go too far. The law, evaluated at the
+// prediction, gives the direction of the rate, and Newton's step gives its size. Both ends compute
+// the same numbers. The properties of the law that hold for any size of the rate hold in every
+// iteration: the energy fluxes cancel, and entropy is produced.
 #ifndef PM_MODEL_PREDICTION_H
 #define PM_MODEL_PREDICTION_H
 

@@ -27,6 +27,7 @@
 #define DEFAULT_CHECKPOINT 100 // steps
 #define MAX_SYSTEM 80          // characters of the name of a system
 #define MAX_MESSAGE 512        // characters of a list in a message
+#define MOST_VISITS 10000000   // of ends of ports, to find the farthest two subsystems
 
 // Reads a path and resolves it against the folder of the scene file.
 static pm_status read_path(pm_scene_reader *r, pm_yaml at, const char **path) {
@@ -928,6 +929,26 @@ static pm_status repeat_port(pm_scene_reader *r, const pm_scene_port *first, pm_
     return alike ? PM_OK : read_expose(r, port, block, text);
 }
 
+// Returns the number of ports from subsystem `from` to the one that is farthest away, and INT_MAX
+// if no ports lead to some. `found` and `ring` have one number for each subsystem.
+static int find_farthest(const pm_physics *physics, int from, int *found, int *ring) {
+    int count = 1;
+    memset(ring, 0, (size_t)physics->nsubsystem * sizeof *ring); // rings count from 1
+    found[0] = from;                                             // in the order of finding
+    ring[from] = 1;
+    for (int k = 0; k < count; ++k) {
+        for (int i = physics->first_end[found[k]]; i < physics->first_end[found[k] + 1]; ++i) {
+            const int end = physics->end_at[i];
+            const int other = physics->port[end / 2].subsystem[1 - end % 2];
+            if (other >= 0 && ring[other] == 0) {
+                ring[other] = ring[found[k]] + 1;
+                found[count++] = other;
+            }
+        }
+    }
+    return count < physics->nsubsystem ? INT_MAX : ring[found[count - 1]] - 1;
+}
+
 static pm_status read_ports(pm_scene_reader *r) {
     pm_physics *physics = &r->scene->physics;
     const pm_yaml ports = pm_yaml_get(r->root, "ports");
@@ -982,28 +1003,23 @@ static pm_status read_ports(pm_scene_reader *r) {
         }
     }
 
-    // The subsystems that ports connect with the first one, ring by ring. Twice the number of rings
-    // is a bound on the diameter, and so is the number of subsystems.
+    // The farthest two subsystems are looked for only if that takes little time. Twice the distance
+    // from the first one to the farthest is a bound, and so is the number of subsystems.
     pm_arena arena = {0};
-    int *found = pm_arena_array(&arena, n + 1, sizeof *found); // in the order of finding
-    int *ring = pm_arena_array(&arena, n + 1, sizeof *ring);   // from 1; 0: not found
+    int *found = pm_arena_array(&arena, n + 1, sizeof *found);
+    int *ring = pm_arena_array(&arena, n + 1, sizeof *ring);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&arena, "a scene"));
-    int count = 1, last = 1;
-    ring[0] = 1;
-    for (int k = 0; k < count; ++k) {
-        last = ring[found[k]];
-        for (int i = physics->first_end[found[k]]; i < physics->first_end[found[k] + 1]; ++i) {
-            const int end = physics->end_at[i];
-            const int other = physics->port[end / 2].subsystem[1 - end % 2];
-            if (other >= 0 && ring[other] == 0) {
-                ring[other] = last + 1;
-                found[count++] = other;
-            }
-        }
+    const size_t sources = n * nend <= MOST_VISITS ? n : 1;
+    int distance = 0;
+    for (size_t i = 0; i < sources; ++i) {
+        const int farthest = find_farthest(physics, (int)i, found, ring);
+        distance = farthest > distance ? farthest : distance;
     }
-    const int twice = 2 * (last - 1), most = physics->nsubsystem - 1;
-    physics->diameter = count < physics->nsubsystem ? INT_MAX : twice < most ? twice : most;
+    const int most = physics->nsubsystem - 1;
+    physics->diameter = sources == n || distance == INT_MAX ? distance
+                        : 2 * distance < most               ? 2 * distance
+                                                            : most;
 done:
     pm_arena_free(&arena);
     return status;

@@ -728,9 +728,9 @@ pm_status pm_system_check_integrator(const pm_system *system, const pm_integrato
     return PM_OK;
 }
 
-void pm_system_responding(const pm_system *system, int subsystem, bool *component) {
+void pm_system_responding(const pm_system *system, int subsystem, int *ports) {
     const pm_scene *scene = system->scene;
-    memset(component, 0, (size_t)scene->physics.subsystem[subsystem].layout.nz * sizeof *component);
+    memset(ports, 0, (size_t)scene->physics.subsystem[subsystem].layout.nz * sizeof *ports);
     for (int n = scene->physics.first_end[subsystem]; n < scene->physics.first_end[subsystem + 1];
          ++n) {
         const int i = scene->physics.end_at[n];
@@ -740,7 +740,7 @@ void pm_system_responding(const pm_system *system, int subsystem, bool *componen
         for (int k = 0; k < layout->ngroup; ++k) {
             const pm_group *group = &layout->group[k];
             for (int c = 0; c < group->size; ++c) {
-                component[port->component[end][group->first + c]] |=
+                ports[port->component[end][group->first + c]] +=
                     pm_port_responds(system->port[i / 2], end, group->name);
             }
         }

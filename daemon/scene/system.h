@@ -59,9 +59,9 @@ pm_status pm_system_declare(pm_system *system, int component);
 pm_status pm_system_check_integrator(const pm_system *system, const pm_integrator *integrator,
                                      const char *at);
 
-// Sets component[c] for each component c of a subsystem's state: true if the irreversible exchange
-// of some port acts on it (model/prediction.h). component: [nz].
-void pm_system_responding(const pm_system *system, int subsystem, bool *component);
+// Sets ports[c] for each component c of a subsystem's state: the number of ports whose irreversible
+// exchange acts on it (model/prediction.h). ports: [nz].
+void pm_system_responding(const pm_system *system, int subsystem, int *ports);
 
 // Checks that every boundary input prescribes the dS of each group on which a port's irreversible
 // operator acts. Without the dS the outside would take no part in the exchange. PM_ECONFIG: the

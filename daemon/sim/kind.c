@@ -56,7 +56,7 @@ static void book_heat(const pm_data *d, const pm_subsystem_group *group, double 
 // --- the graphs of a group ---
 
 static pm_status open_exposure(const pm_model *m, pm_subsystem_group *group, pm_graph *g, int width,
-                               bool discrete, bool *wanted) {
+                               bool discrete, int *ports) {
     const pm_part *part = group->part;
     const pm_node z = pm_input(g, true, 1, group->nz);
     const pm_node from = discrete ? pm_input(g, true, 1, group->nz) : PM_NO_NODE;
@@ -65,8 +65,8 @@ static pm_status open_exposure(const pm_model *m, pm_subsystem_group *group, pm_
                            PM_NO_NODE, PM_NO_NODE};
     pm_part_coenergies(g, part, from, z, &node[DE], &node[DS]);
     if (discrete) {
-        pm_system_responding(m->system, group->id[0], wanted);
-        const pm_node response = pm_part_response(g, part, node[DE], z, wanted);
+        pm_system_responding(m->system, group->id[0], ports);
+        const pm_node response = pm_part_response(g, part, node[DE], z, ports);
         const pm_physics *physics = &m->system->scene->physics;
         node[RESPONSE] = response == PM_NO_NODE
                              ? PM_NO_NODE
@@ -125,12 +125,12 @@ static pm_status open_graphs(const pm_model *m, pm_subsystem_group *group, int w
     pm_graph *exposure = NULL, *bulk = NULL, *release = NULL;
     bool served = true;
     pm_status status;
-    bool *wanted = pm_arena_array(&scratch, (size_t)group->nz, sizeof *wanted);
+    int *ports = pm_arena_array(&scratch, (size_t)group->nz, sizeof *ports);
     PM_TRY_DONE(pm_arena_status(&scratch, "the graphs of a subsystem"));
     PM_TRY_DONE(pm_graph_open(&exposure));
     PM_TRY_DONE(pm_graph_open(&bulk));
     PM_TRY_DONE(pm_graph_open(&release));
-    PM_TRY_DONE(open_exposure(m, group, exposure, width, discrete, wanted));
+    PM_TRY_DONE(open_exposure(m, group, exposure, width, discrete, ports));
     if (group->exposure != NULL) {
         PM_TRY_DONE(open_bulk(group, bulk, width, &served));
     }

@@ -51,7 +51,7 @@ typedef struct pm_step_work {
     pm_state_nodes *state; // [nsubsystem]
     pm_node *k;            // [nsubsystem * rk->nstage]
     pm_node *last;         // [nport]
-    bool *responding;      // [largest nz of a subsystem] result of pm_system_responding
+    int *responding;       // [largest nz of a subsystem] result of pm_system_responding
     pm_node stretch; // [1][1] batched: the factor by which each item's steps are longer than h;
                      // PM_NO_NODE: 1
 } pm_step_work;

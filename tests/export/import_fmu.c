@@ -101,6 +101,22 @@ static void start(const fmu *f, fmi3Instance i) {
     }
     require(CALL(f, begin, "fmi3EnterInitializationMode")(i, false, 0, 0, false, 0),
             "initialization");
+    // States of an infinite energy are no start, and the first ones are one again.
+    fmi3ValueReference *place = calloc(f->n, sizeof *place);
+    double *first = calloc(f->n, sizeof *first), *far = calloc(f->n, sizeof *far);
+    for (size_t k = 0; k < f->n; ++k) {
+        place[k] = (fmi3ValueReference)(1 + k);
+        far[k] = 1e200;
+    }
+    require(CALL(f, values, "fmi3GetFloat64")(i, place, f->n, first, f->n), "states");
+    require(CALL(f, values, "fmi3SetFloat64")(i, place, f->n, far, f->n), "states far away");
+    if (CALL(f, plain, "fmi3ExitInitializationMode")(i) == fmi3OK) {
+        stop("a run begins with an infinite energy");
+    }
+    require(CALL(f, values, "fmi3SetFloat64")(i, place, f->n, first, f->n), "the states again");
+    free(place);
+    free(first);
+    free(far);
     require(CALL(f, plain, "fmi3ExitInitializationMode")(i), "end of initialization");
 }
 

@@ -245,12 +245,65 @@ static void exchange_is_stable_at_any_rate(void **state) {
     random_system_close(&w);
 }
 
+// Cells of 300 exp(2 s) kelvin that conduct heat to all their neighbours.
+static const char grid[] =
+    "scene: grid\n"
+    "time: {dt: 0.2, steps: 3, integrator: discrete_gradient}\n"
+    "models:\n"
+    "  cell: {energy: \"150*(exp(2*s) - 1)\", entropy: s}\n"
+    "  conducts: {law: bracket, irreversible: {given: [[a.s, b.s, \"10*b.dE.s/a.dE.s\"]]}}\n"
+    "subsystems:\n"
+    "  \"cell[0:8][0:8]\": {model: cell, state: {s: {unit: J/K, size: 1}}}\n"
+    "ports:\n"
+    "  \"across[0:7][0:8]\": {law: bracket, model: conducts,\n"
+    "    between: [\"cell[i][j]\", \"cell[i+1][j]\"],\n"
+    "    expose: {\"cell[i][j]\": [s], \"cell[i+1][j]\": [s]}}\n"
+    "  \"along[0:8][0:7]\": {law: bracket, model: conducts,\n"
+    "    between: [\"cell[i][j]\", \"cell[i][j+1]\"],\n"
+    "    expose: {\"cell[i][j]\": [s], \"cell[i][j+1]\": [s]}}\n";
+
+// Heat that relaxes at up to 160 per second on a grid: the steps are divided until they converge,
+// and both laws hold.
+static void grids_conduct_as_fast_as_they_like(void **state) {
+    (void)state;
+    enum { CELLS = 64 };
+    pm_scene *scene = NULL;
+    pm_system *system = NULL;
+    pm_monolithic *run = NULL;
+    double z[CELLS] = {0};
+    z[0] = z[27] = 0.1;
+    z[62] = -0.1;
+    assert_int_equal(pm_scene_parse(&scene, grid, "grid.yaml"), PM_OK);
+    assert_int_equal(scene->physics.diameter, 14);
+    assert_int_equal(pm_system_load(&system, scene, NULL), PM_OK);
+    assert_int_equal(pm_monolithic_open(&run, system), PM_OK);
+    pm_monolithic_set_state(run, z);
+    pm_ledger ledger;
+    pm_ledger_init(&ledger, system);
+    for (int i = 0; i <= 3; ++i) {
+        assert_int_equal(i == 0 ? PM_OK : pm_monolithic_step(run), PM_OK);
+        assert_int_equal(pm_ledger_add_sample(&ledger, (pm_sample *)pm_monolithic_sample(run)),
+                         PM_OK);
+    }
+    assert_int_equal(ledger.violations, 0);
+    assert_true(ledger.energy_drift < 1e-9 && ledger.worst_entropy_fall == 0);
+    double spread = 0;
+    for (int i = 0; i < CELLS; ++i) {
+        spread = fmax(spread, fabs(pm_monolithic_sample(run)->z[i]));
+    }
+    assert_true(spread < 0.02);
+    pm_monolithic_close(run);
+    pm_system_free(system);
+    pm_scene_free(scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slopes_are_exact),
         cmocka_unit_test(slopes_of_no_change_are_derivatives),
         cmocka_unit_test(steps_keep_energy_and_entropy),
         cmocka_unit_test(exchange_is_stable_at_any_rate),
+        cmocka_unit_test(grids_conduct_as_fast_as_they_like),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -166,7 +166,7 @@ static void graph_step(const random_system *w, const double *z0, double *z) {
     pm_state_nodes nodes[2];
     pm_node k[2 * PM_MAX_STAGES], part[2], degeneracy = PM_NO_NODE;
     pm_node last[1];
-    bool responding[NZ];
+    int responding[NZ];
     const pm_step_work work = {nodes, k, last, responding, PM_NO_NODE};
     assert_int_equal(pm_graph_open(&g), PM_OK);
     const pm_node input = pm_input(g, true, 1, scene->physics.nz);

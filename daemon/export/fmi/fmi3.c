@@ -191,10 +191,14 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance i) {
         return refuse(i, "fmi3ExitInitializationMode: the FMU is not in initialization mode");
     }
     instance *m = i;
-    m->now.phase = m->co_simulation && !m->events ? STEP : EVENT;
     SCENE(_outputs)(m->now.scene.z, m->now.scene.u, &m->results);
     m->now.first[0] = total(m->results.energy);
     m->now.first[1] = total(m->results.entropy);
+    if (!isfinite(m->now.first[0]) || !isfinite(m->now.first[1])) {
+        return refuse(i,
+                      "fmi3ExitInitializationMode: the states have an infinite energy or entropy");
+    }
+    m->now.phase = m->co_simulation && !m->events ? STEP : EVENT;
     return fmi3OK;
 }
 
