@@ -38,6 +38,18 @@ succeed "Q [m^3/s]: an input; flows into V" propose --budget 0 --data "$folder"/
     --part chamber=V -o "$folder/piston"
 succeed "Verdict: good" fit "$folder/piston/training.yaml" -o "$folder/piston/weights"
 
+# A vessel leaks and is filled, and a pressure drives the flow of a line into it. The pressure has a known power, so
+# that the inflow, whose power is that of the level times a constant, has none.
+write vessel 8 "h [m],Q [L/s],dP [kPa],Qin [L/s]" \
+    "n = 3; driven = 1; y[1] = rand() - 0.5; y[2] = 2*rand() - 1; y[3] = 10*rand() - 5" \
+    "if (j == 19 && k % 13 == 12) y[3] = 10*rand() - 5
+     a = (y[3] - 9.8*y[1] - 0.5*y[2])/2; y[2] += h*a; y[1] += h*(y[2] + u - 0.3*y[1])"
+noisy vessel 2 3
+succeed "Qin [m^3/s]: an input; moves, with a learned factor, h" propose --budget 0 --data "$folder"/vessel_?.csv --inputs dP,Qin -o "$folder/vessel"
+succeed "Verdict: good" fit "$folder/vessel/training.yaml" -o "$folder/vessel/weights"
+awk '$1 ~ /gain_Qin_h/ { n = $3 > 0.97 && $3 < 1.03 } END { exit !n }' "$folder/out" ||
+    fail "fit: the power of the inflow is that of the level times 9800 N/m^3"
+
 # A body on a runner, held by a spring in the plane, whose velocities turn into each other.
 write runner 8 "x [m],y [m],heading [rad],v [m/s],w [rad/s],F [N]" \
     "n = 5; driven = 1; y[3] = 6*rand() - 3; y[4] = 2*rand() - 1; y[5] = 8*rand() - 4" \

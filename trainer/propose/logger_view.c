@@ -577,18 +577,41 @@ static bool is_coenergy(const pm_logger_column *c) {
            c->kind != PM_LOGGER_AMOUNT;
 }
 
-// Returns how an input may act on a variable, as their units tell: with the factor 1, as heat, or
-// as a bath. If the units do not tell, the factor is learned.
-static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger_column *target) {
-    const pm_unit power = pm_unit_product(&input->dimension, &target->dimension);
-    const pm_unit number = pm_unit_parse("1");
+static bool is_power(const pm_logger_column *a, const pm_logger_column *b) {
+    const pm_unit power = pm_unit_product(&a->dimension, &b->dimension);
     const pm_unit watt = pm_unit_parse("W");
+    return pm_unit_equal(&power, &watt);
+}
+
+// Returns true if an input has a known power, such as a pressure that drives a flow.
+static bool knows_power(const pm_logger_view *view) {
+    bool knows = false;
+    for (int c = 0; c < view->nvariable; ++c) {
+        for (int u = view->nvariable; u < view->ncolumn; ++u) {
+            knows = knows || (view->column[c].kind == PM_LOGGER_FLOW &&
+                              is_power(&view->column[u], &view->column[c]));
+        }
+    }
+    return knows;
+}
+
+// Returns true if an input may flow into the vessel of a level.
+static bool may_fill(const pm_logger_column *input, const pm_logger_column *target) {
+    return has_unit(target, "m") && has_unit(input, "m^3/s");
+}
+
+// Returns how input u may act on variable c, as their units tell: with the factor 1, as heat, or
+// as a bath. If the units do not tell, the factor is learned. The power of an inflow is that of a
+// level times a constant, which is 1 where nothing else shows the scale of power.
+static pm_logger_effect effect_of(const pm_logger_view *view, int u, int c) {
+    const pm_logger_column *input = &view->column[u], *target = &view->column[c];
+    const pm_unit number = pm_unit_parse("1");
     if (target->kind == PM_LOGGER_TEMPERATURE) {
         return has_unit(input, "W")   ? PM_LOGGER_HEATS
                : has_unit(input, "K") ? PM_LOGGER_BATH
                                       : PM_LOGGER_WARMS;
     }
-    return pm_unit_equal(&power, &watt) || (has_unit(target, "m") && has_unit(input, "m^3/s"))
+    return is_power(input, target) || (may_fill(input, target) && !knows_power(view))
                ? PM_LOGGER_DRIVES
            : target->kind == PM_LOGGER_FLOW && input->dimension.known &&
                    pm_unit_equal(&input->dimension, &target->dimension) &&
@@ -600,7 +623,7 @@ static pm_logger_effect effect_of(const pm_logger_column *input, const pm_logger
 // Returns true if the product of the units of an input and of co-energy c is a power.
 static bool may_drive(const pm_logger_view *view, int u, int c) {
     return is_coenergy(&view->column[c]) && view->column[c].relaxes == 0 &&
-           effect_of(&view->column[u], &view->column[c]) == PM_LOGGER_DRIVES;
+           effect_of(view, u, c) == PM_LOGGER_DRIVES;
 }
 
 static bool is_learned(pm_logger_effect effect) {
@@ -656,16 +679,18 @@ static void find_actions(pm_logger_view *view) {
                 if (!is_coenergy(&view->column[c]) || view->column[c].relaxes > 0) {
                     continue;
                 }
-                const pm_logger_effect effect = effect_of(&view->column[u], &view->column[c]);
-                const bool candidate = (!by_unit || !is_learned(effect)) &&
-                                       (effect != PM_LOGGER_THROUGH || driven < 0);
+                const pm_logger_effect effect = effect_of(view, u, c);
+                const bool told =
+                    !is_learned(effect) || may_fill(&view->column[u], &view->column[c]);
+                const bool candidate =
+                    (!by_unit || told) && (effect != PM_LOGGER_THROUGH || driven < 0);
                 const double share = view->share[c][u];
                 // A valve between two chambers moves the pressures of both.
                 const bool like_best =
                     pass == 2 && strongest >= 0 && is_learned(effect) && view->column[c].mate < 0 &&
                     pm_unit_equal(&view->column[c].dimension, &view->column[strongest].dimension);
                 if (pass == 0) {
-                    by_unit = by_unit || !is_learned(effect);
+                    by_unit = by_unit || told;
                 } else if (pass == 1 && candidate) {
                     strongest = share > best ? c : strongest;
                     best = fmax(best, share);
