@@ -82,7 +82,8 @@ typedef struct view_graph {
     int *node_of;               // [nsubsystem]; -1: the subsystem is not shown
     int *edge_of;               // [nport]; -1: the port is within a group, or not shown
     int *first_end;             // [nport] the end of the port at end 0 of its edge
-    int nstate;                 // components of states that are shown: of recordings alone
+    int nstate;                 // components of states that are shown
+    int *state_at;              // [nstate] their places in the state of the scene
     const char **state, **unit; // [nstate] their names and units
 } view_graph;
 
@@ -155,8 +156,8 @@ static void add_edges(view_graph *g, const pm_scene *scene, bool summed) {
     }
 }
 
-// Names the states of the subsystems that are shown one by one, if they are few. A recording has
-// those of a range in one array, which is not shown.
+// Names the states of the subsystems that are shown one by one, if they are few. A whole recording
+// has those of a range in one array, which is not shown.
 static pm_status name_states(view *v, const bool *shown) {
     const pm_scene *scene = v->scene;
     view_graph *g = &v->graph;
@@ -164,15 +165,18 @@ static pm_status name_states(view *v, const bool *shown) {
     PM_TRY(pm_scene_variable_names(&names, scene, &v->arena));
     g->state = pm_arena_array(&v->arena, (size_t)scene->physics.nz, sizeof *g->state);
     g->unit = pm_arena_array(&v->arena, (size_t)scene->physics.nz, sizeof *g->unit);
+    g->state_at = pm_arena_array(&v->arena, (size_t)scene->physics.nz, sizeof *g->state_at);
     PM_TRY(pm_arena_status(&v->arena, "the states of %s", scene->name));
     for (int i = 0; i < scene->physics.nsubsystem; ++i) {
         const pm_scene_subsystem *s = &scene->physics.subsystem[i];
-        if ((shown != NULL && !shown[i]) || (shown == NULL && s->range != NULL)) {
+        const bool in_array = v->options->recording != NULL && shown == NULL && s->range != NULL;
+        if ((shown != NULL && !shown[i]) || in_array) {
             continue;
         }
         for (int c = 0; c < s->layout.nz; ++c, ++g->nstate) {
             g->state[g->nstate] = names.state.name[s->first + c];
             g->unit[g->nstate] = names.state.unit[s->first + c];
+            g->state_at[g->nstate] = s->first + c;
         }
     }
     g->nstate = g->nstate > MOST_STATES ? 0 : g->nstate;
@@ -230,7 +234,7 @@ static pm_status make_graph(view *v) {
         g->node[g->npart + i].name = scene->physics.boundary_input[i].name;
     }
     add_edges(g, scene, summed);
-    if (v->options->recording != NULL && !summed) {
+    if (!summed) {
         PM_TRY(name_states(v, shown));
     }
     h->shown = PER_PART * g->npart + PER_EDGE * g->nedge + g->nstate;
@@ -524,7 +528,7 @@ static void put_lists(FILE *file, const double *value, int count, int width) {
 // {"scene": {"name", "recording", "dt", "steps", "subsystems", "ports", "nodes": [{"name",
 // "count"}], "parts", "edges": [{"name", "a", "b", "count"}]}}: the graph. The first `parts` nodes
 // are subsystems or groups of them, the others boundary inputs; a and b are positions of nodes. The
-// list "states": [{"name", "unit"}] follows; it is empty for runs, whose messages have no states.
+// list "states": [{"name", "unit"}] follows. Frames of a run have them while it is recorded.
 static void write_scene(FILE *file, const view *v) {
     const pm_scene *scene = v->scene;
     const view_graph *g = &v->graph;
@@ -891,6 +895,10 @@ static void number_sample(const view *v, const pm_sample *sample, double *number
             edge[end * g->nedge + k] += flux->energy;
             edge[(2 + end) * g->nedge + k] += flux->entropy;
         }
+    }
+    double *const state = edge + PER_EDGE * g->nedge;
+    for (int i = 0; i < g->nstate; ++i) {
+        state[i] = pm_listener_has_state(v->listener) ? sample->z[g->state_at[i]] : (double)NAN;
     }
     const int nflow = sample->step == 0 ? g->npart + PER_EDGE * g->nedge : 0;
     for (int i = 0; i < nflow; ++i) { // productions and fluxes are those of a step

@@ -23,6 +23,7 @@ struct pm_listener {
     int64_t wanted, session; // wanted 0: any
     double heard;            // s, when a message of the run last arrived
     bool over, with_state, has_ledger, has_health;
+    bool has_state;            // the newest report had the state
     listened_process *process; // [nprocess]
     pm_report_window reports;
     int64_t newest; // step of the newest complete sample; -1: none
@@ -72,6 +73,7 @@ static void on_report(void *context, const char *channel, const void *data, size
         report->step > PM_STEPS_MAX || !follows(l, report->session)) {
         return;
     }
+    l->has_state = l->with_state;
     for (int row = 0; row < remote->rows && !remote->sums; ++row) {
         const int64_t step = report->step + row;
         if (pm_report_window_reach(&l->reports, step) == l->newest) {
@@ -195,6 +197,10 @@ bool pm_listener_is_over(const pm_listener *listener) {
 const pm_sample *pm_listener_sample(const pm_listener *listener) {
     return listener->newest < 0 ? NULL
                                 : pm_report_window_sample(&listener->reports, listener->newest);
+}
+
+bool pm_listener_has_state(const pm_listener *listener) {
+    return listener->has_state;
 }
 
 const portmet_ledger_t *pm_listener_ledger(const pm_listener *listener) {

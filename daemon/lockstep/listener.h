@@ -39,9 +39,11 @@ int64_t pm_listener_session(const pm_listener *listener);
 bool pm_listener_is_over(const pm_listener *listener);
 
 // Return the newest complete sample, ledger and health of the run, or NULL if there is none. The
-// sample has no state z and no residuals, which only the coordinator knows. The listener owns the
-// results, which stay valid until the next call of pm_listener_read.
+// sample has no residuals, which only the coordinator knows. The listener owns the results, which
+// stay valid until the next call of pm_listener_read.
 const pm_sample *pm_listener_sample(const pm_listener *listener);
+// Returns true if samples have the state z, since somebody records or compares the run.
+bool pm_listener_has_state(const pm_listener *listener);
 const portmet_ledger_t *pm_listener_ledger(const pm_listener *listener);
 const portmet_health_t *pm_listener_health(const pm_listener *listener);
 // Returns the number of health messages that the listener has used.

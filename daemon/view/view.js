@@ -13,6 +13,7 @@ const byId = id => document.getElementById(id);
 let scene = null, frames = [], health = null, paused = false, shown = -1, dirty = true;
 let socket = null, connected = false, lastFrame = 0, lastHealth = 0, place = [], selected = -1;
 let pressed = false; // a pointer is down on the graph, whose nodes stay until it has clicked
+let hasStates = false; // frames have states
 let zoom = null, cursor = null; // the times shown, [first, last], null: all; and the time pointed at
 
 // --- numbers ---
@@ -68,6 +69,7 @@ function receive(message) {
     selected = -1;
     zoom = cursor = null;
     place = layOut(scene);
+    hasStates = false;
     for (const panel of panels) panel.offer();
     document.title = scene.name + " - portmet";
   } else if (message.frame) {
@@ -90,6 +92,10 @@ function addFrame(frame) {
   }
   lastFrame = performance.now();
   frames.push(frame);
+  if (hasStates !== frame.states[0].some(value => value !== null)) { // a run has them while it is recorded
+    hasStates = !hasStates;
+    for (const panel of panels) panel.offer();
+  }
   if (frames.length > MOST) {
     const old = MOST / 2, at = frames[shown];
     frames = thin(frames, old);
@@ -379,7 +385,7 @@ function makePanel(section) {
   panel.canvas.tabIndex = 0;
   panel.canvas.setAttribute("role", "img");
   panel.offer = () => {
-    panel.kinds = panel.total ? {} : {...KINDS, ...stateKinds(scene)};
+    panel.kinds = panel.total ? {} : {...KINDS, ...(hasStates ? stateKinds(scene) : {})};
     if (panel.total) return;
     const chosen = panel.choice.value || section.dataset.kind;
     panel.choice.replaceChildren(...Object.keys(panel.kinds).map(key => new Option(panel.kinds[key].title, key)));

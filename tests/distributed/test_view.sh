@@ -67,7 +67,7 @@ expect "len(m['parts'][1]) == 2 and m['violations'] == 0 and abs(m['energy_resid
 expect "abs(m['edges'][0][0] + m['edges'][1][0]) <= 1e-12 * abs(m['edges'][0][0]) != 0"
 expect "m['edges'][2][0] + m['edges'][3][0] >= 0"
 # Every sample counts, also those between two frames, and a frame holds their least and largest values.
-expect "m['seen'] == 21 and m['states'] == [[]]"
+expect "m['seen'] == 21 and len(m['states'][0]) > 2 and None not in m['states'][0]" # since the run is recorded
 expect "all(a <= b for a, b in zip(m.get('low', [[]])[0], m.get('high', [[]])[0]))"
 client listen health
 expect "m['steps'] == 30 and [r['name'] for r in m['rows']] == ['left', 'right']"
