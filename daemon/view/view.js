@@ -5,6 +5,9 @@
 "use strict";
 
 const MOST = 2000;
+const MANY = 24; // nodes, beyond which they are small and without names
+const LONG = 5; // times as many steps from end to end as nodes at a step
+const BETWEEN_ROWS = 1.5; // lengths of an edge between the rows of a long graph
 const COLORS = ["#3b7ea1", "#c4691c", "#4f8f4f", "#a14a76", "#8a7a1f", "#6b5fb0", "#2f9188", "#b0483f",
   "#7a6a5a", "#5f7f9f"];
 const NS = "http://www.w3.org/2000/svg";
@@ -138,12 +141,26 @@ function distances(count, edges) {
   });
 }
 
+// Returns places [step, rank] by steps from one end, if there are many nodes and few of them at each step; else null.
+function layOutLong(level, forward) {
+  const count = [];
+  const p = level.map(step => {
+    count[step] = (count[step] || 0) + 1;
+    return [step, count[step] - 1];
+  });
+  const steps = count.length, thick = Math.max(...count.filter(c => c));
+  if (p.length <= MANY || steps < LONG * thick) return null;
+  const places = p.map(([step, rank]) => [forward ? step : steps - 1 - step, rank]);
+  return Object.assign(places, {steps, thick});
+}
+
 // Majorises the stress of the distances (Gansner, Koren, North, Graph Drawing 2004), from a circle in
 // the order of a search from one end, and turns the longest direction to the horizontal.
 function layOut(s) {
   const n = s.nodes.length, d = distances(n, s.edges);
   if (n === 0) return [];
-  const end = d[0].indexOf(Math.max(...d[0]));
+  const end = d[0].indexOf(Math.max(...d[0])), long = layOutLong(d[end], d[end][0] < d[end][n - 1]);
+  if (long) return long;
   const order = [...Array(n).keys()].sort((i, k) => d[end][i] - d[end][k]);
   let p = new Array(n);
   order.forEach((node, i) => {
@@ -191,9 +208,27 @@ function element(name, attributes, parent, content) {
   return e;
 }
 
-// Returns a function from places to pixels that keeps proportions unless the graph is a line. `upright`: the longest
+// Returns the pixels of a long graph in rows, each of which goes back the way of the one before.
+function fold(width, height) {
+  const {steps, thick} = place, row = thick - 1 + BETWEEN_ROWS;
+  let size = 0, columns = steps;
+  for (let c = 1; c <= steps; ++c) {
+    const rows = Math.ceil(steps / c);
+    const own = Math.min((width - 60) / Math.max(1, c - 1), (height - 60) / Math.max(1, rows * row - BETWEEN_ROWS), 120);
+    if (own > size) { size = own; columns = c; }
+  }
+  const rows = Math.ceil(steps / columns), left = width / 2 - (columns - 1) / 2 * size;
+  const top = height / 2 - (rows * row - BETWEEN_ROWS) / 2 * size;
+  return place.map(([step, rank]) => {
+    const k = Math.floor(step / columns), along = step % columns;
+    return [left + (k % 2 ? columns - 1 - along : along) * size, top + (k * row + rank) * size];
+  });
+}
+
+// Returns the pixels of all places, which keep proportions unless the graph is a line. `upright`: the longest
 // direction is vertical, as a narrow page has room there.
 function fit(width, height, upright) {
+  if (place.steps) return fold(width, height);
   const p = upright ? place.map(q => [q[1], q[0]]) : place;
   const xs = p.map(q => q[0]), ys = p.map(q => q[1]);
   const x0 = Math.min(...xs), x1 = Math.max(...xs), y0 = Math.min(...ys), y1 = Math.max(...ys);
@@ -247,9 +282,10 @@ function drawArrow(svg, from, to, radius, widest, share, offset) {
 }
 
 function drawGraph(frame) {
-  const svg = byId("graph"), many = scene && scene.nodes.length > 24, focused = nodeInFocus();
-  const upright = scene && scene.nodes.length > 1 && svg.clientWidth < 600;
-  svg.style.height = upright ? Math.max(230, Math.min((many ? 22 : 62) * scene.nodes.length, 1400)) + "px" : "";
+  const svg = byId("graph"), many = scene && scene.nodes.length > MANY, focused = nodeInFocus();
+  const narrow = svg.clientWidth < 600, folded = narrow && place.steps;
+  const upright = scene && scene.nodes.length > 1 && narrow && !folded;
+  svg.style.height = folded ? "420px" : upright ? Math.max(230, Math.min((many ? 22 : 62) * scene.nodes.length, 1400)) + "px" : "";
   const width = svg.clientWidth, height = svg.clientHeight;
   svg.replaceChildren();
   if (!scene || !width) return;
