@@ -230,6 +230,8 @@ sed 's/unit: J\/K/unit: furlongs/' "$scene" >"$folder/odd.yaml"
 succeed 'the unit "furlongs" is not known' propose "$folder/odd.yaml" --data "$data" -o "$folder/odd_first.yaml" --budget 0
 sed -i 's/^data: {/data: {seconds: 1.0e-9, /' "$folder/first.yaml"
 expect 5 "seconds: 1e-09 s are shorter than a step" fit "$folder/first.yaml" --data "$data" -o "$folder/none"
+sed -i 's/seconds: 1.0e-9/pieces: 2/' "$folder/first.yaml"
+expect 3 "only measurements are divided" fit "$folder/first.yaml" --data "$data" -o "$folder/none"
 
 # --- evaluate ---
 succeed "Both laws" evaluate "$scene" --data "$data"

@@ -184,6 +184,7 @@ static pm_status load(pm_fit *f) {
                                                        : "z";
     const size_t nz = (size_t)scene->physics.nz;
     PM_TRY(pm_dataset_load_measured(&m->data, f->data, name));
+    PM_TRY(f->training->pieces > 1 ? pm_dataset_divide(m->data, f->training->pieces) : PM_OK);
     PM_TRY(pm_unit_change_apply(scene, m->data, true));
     PM_TRY(pm_observation_bind(&m->observation, f->training->system, m->data, &f->arena));
     const size_t ny = (size_t)m->observation.count;
@@ -720,17 +721,21 @@ static bool find_moves(pm_fit *f, const pm_shooting *s) {
     return any;
 }
 
+static bool hides(const pm_fit *f) {
+    bool any = false;
+    for (int c = 0; c < f->training->scene->physics.nz; ++c) {
+        any = any || f->measured.observation.hidden[c];
+    }
+    return any;
+}
+
 // Returns whether hidden starts may have misled the weights: residuals are much larger than what
 // differs from sample to sample.
 static bool misled(const pm_fit *f, const pm_shooting *s) {
     size_t all = 1;
     double excess = 0;
-    bool hides = false;
     for (int i = 0; i < s->tracks->count; ++i) {
         all += (size_t)s->tracks->track[i].count;
-    }
-    for (int c = 0; c < s->nz; ++c) {
-        hides = hides || f->measured.observation.hidden[c];
     }
     double *size = malloc(all * sizeof *size);
     for (int c = 0; c < s->ny && size != NULL; ++c) {
@@ -739,7 +744,7 @@ static bool misled(const pm_fit *f, const pm_shooting *s) {
         excess += noise > 0 ? log(s->terms.noise[c] / noise) / s->ny : 0;
     }
     free(size);
-    return hides && exp(excess) > MISLED;
+    return hides(f) && exp(excess) > MISLED;
 }
 
 // Returns whether a fit whose last windows have `length` of `longest` samples has not shown that it
@@ -777,7 +782,9 @@ static pm_status try_starts(pm_fit *f, pm_shooting *s, pm_continuation *continua
         }
         residual = exp(residual);
         const int longest = pm_continuation_longest(s);
-        const bool stopped = status != PM_OK || stopped_short(end.length, longest, end.gap);
+        // The free starts of hidden components close any gap.
+        const double gap = hides(f) ? INFINITY : end.gap;
+        const bool stopped = status != PM_OK || stopped_short(end.length, longest, gap);
         residual += stopped ? 1 - end.length / (double)longest : 0;
         const bool last = p->attempt == MOST_ATTEMPTS;
         bool known = f->training->plain || s->nweight == 0;
@@ -1188,20 +1195,20 @@ done:
 }
 
 // The starts of the validation part are those that fit whole trajectories best: what noise does to
-// starts that are known from a short time only would hide what a model has wrong. Without such a
-// part the fit is judged by what follows after the first seconds, with which it was trained.
+// starts that are known from a short time only would hide what a model has wrong. Starts of pieces
+// would make up for what is wrong over all of their length, so that they come from the first part.
 static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     const pm_fit_measured *m = &f->measured;
     const bool validation = f->split.nvalidation > 0;
     const int all = validation ? f->split.nvalidation : f->split.ntraining;
     const int *which = f->split.trajectory + (validation ? f->split.ntraining : 0);
-    const double taught = f->training->seconds;
-    const bool later = !validation && isfinite(taught);
     pm_estimate e;
     const double limit = f->arguments->effort == NULL ? 0 : f->arguments->effort->seconds;
-    const pm_estimate_how how = {.seconds = taught,
+    const bool pieces = f->training->pieces > 1;
+    const double first = ESTIMATED_PART * (f->dataset->ntime - 1) * f->dataset->dt;
+    const pm_estimate_how how = {.seconds = pieces ? first : f->training->seconds,
                                  .stop = f->stop,
-                                 .until = later ? INFINITY : taught,
+                                 .until = f->training->seconds,
                                  .halve = true,
                                  .work = JUDGED * limit * PM_SHOOTING_SPEED};
     PM_TRY(pm_estimate_make(&e, f->training->system, &m->observation, m->data,
@@ -1210,7 +1217,7 @@ static pm_status score_measured(pm_fit *f, pm_fit_score *score) {
     double sum = 0;
     for (int c = 0; c < m->observation.count; ++c) {
         const double error =
-            pm_estimate_typical_error(&e, &m->observation, m->data, which, later ? taught : -1, c);
+            pm_estimate_typical_error(&e, &m->observation, m->data, which, pieces ? first : -1, c);
         const int column = m->observation.column[c];
         sum += log(error);
         if (column < PM_FIT_SCORED_GROUPS) {

@@ -26,6 +26,7 @@
 
 // The most weights for Gauss-Newton, which solves the normal equations of all weights; Adam beyond.
 #define MOST_WEIGHTS 4000
+#define MOST_PIECES 1000000 // of a trajectory
 // The number of residuals per weight in a batch of each stage.
 #define FIRST_RESIDUALS 64 // all samples, where there are not too many
 #define LAST_RESIDUALS 12
@@ -415,11 +416,13 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     PM_TRY(pm_system_new(&t->system, t->scene));
     pm_yaml file, training, validation;
     t->seconds = INFINITY;
+    t->pieces = 1;
     const pm_yaml_key data_keys[] = {{PM_YAML_VALUE("file", &file)},
                                      {PM_YAML_VALUE("trajectories", &training)},
                                      {PM_YAML_VALUE("validation", &validation)},
                                      {PM_YAML_TEXT("data_set", &t->data_set)},
                                      {PM_YAML_DOUBLE("seconds", &t->seconds, DBL_MIN, INFINITY)},
+                                     {PM_YAML_INT("pieces", &t->pieces, 1, MOST_PIECES)},
                                      {0}};
     PM_TRY(pm_yaml_read(block, &t->arena, data_keys));
     PM_TRY(read_placed(t, file, &t->data, &t->data_at));
@@ -440,6 +443,11 @@ static pm_status read_all(pm_training *t, pm_yaml root) {
     if (t->measured && pm_yaml_exists(stages) && !pm_yaml_is_text(stages, "auto")) {
         return pm_yaml_fail(stages, "a fit to measurements has no stages (noise, hidden groups or "
                                     "observations make it one)");
+    }
+    if (!t->measured && t->pieces > 1) {
+        return pm_yaml_fail(pm_yaml_get(block, "pieces"), "only measurements are divided (noise, "
+                                                          "hidden groups or observations make "
+                                                          "them so)");
     }
     PM_TRY(read_start(t, starts));
     uint64_t digest = pm_digest_integer(PM_DIGEST_INIT, (int64_t)t->seed);

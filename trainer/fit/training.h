@@ -38,6 +38,7 @@ typedef struct pm_training {
     double *noise;             // [nnoise] in the unit of the column
     const char *noise_at;
     double seconds;       // only the first seconds of each trajectory are used; infinite: all
+    int pieces;           // into which each trajectory of measurements is divided; 1: it is not
     const char *data_set; // the dataset of the file that holds the measurements; NULL: z
     uint64_t seed;
     bool plain;         // models stay as they are written (fit/defaults.h)

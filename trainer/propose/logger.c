@@ -24,8 +24,6 @@
 #define ENDED 30
 #define SAFETY 4
 #define LEAST 1 // s of CPU time that every trial has
-// A single record teaches a model with this part of it, and judges it with the rest.
-#define TAUGHT 0.65
 // A guess replaces a simpler one if its error is less than BETTER times as large. A column needs
 // nothing more if its error is below NOISE_ALONE times its noise, or times ENOUGH of its deviation.
 #define BETTER 0.85
@@ -236,7 +234,6 @@ typedef struct hidden_search {
     const pm_logger_hints *hints;
     const char *data_path;
     int most;             // trajectories of a trial; 0: all, which need not be measurements
-    double seconds;       // of a trial, where one record both teaches a model and judges it; else 0
     pm_logger_view first; // what is found first
     int count, best;
     hypothesis what[MOST_TRIALS];
@@ -275,7 +272,7 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     pm_logger_draft draft = {.seed = hints.seed,
                              .data_path = s->data_path,
                              .most = s->most,
-                             .seconds = s->seconds,
+                             .divided = s->dataset->ntrajectory == 1 && s->most > 0,
                              .found = s->found[*chosen],
                              .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
@@ -742,10 +739,6 @@ static pm_status find_hidden(hidden_search *s) {
     }
     s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
     s->most = s->most < n ? s->most : n;
-    for (int k = 0; k < s->dataset->ntime && n == 1; ++k) {
-        const double t = pm_dataset_time(s->dataset, 0, k) - pm_dataset_time(s->dataset, 0, 0);
-        s->seconds = isfinite(t) ? TAUGHT * t : s->seconds;
-    }
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
     PM_TRY(find_delays(s));
@@ -856,7 +849,8 @@ static void print_trials(const hidden_search *s, FILE *f) {
     fprintf(f,
             "# What nobody measures was found by short fits; error on the %s, %% of the "
             "deviation:\n",
-            s->seconds > 0 ? "last third of the record" : "validation part");
+            s->dataset->ntrajectory == 1 ? "second and fourth fifth of the record"
+                                         : "validation part");
     for (int i = 0; i < s->count; ++i) {
         bool any = false;
         fprintf(f, "# %s ", i == s->best ? "*" : "-");

@@ -1001,11 +1001,10 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
     fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"",
             pm_path_seen_from(path, draft->scene_path, named[0]),
             pm_path_seen_from(path, draft->data_path, named[1]));
-    if (draft->most > 0) {
+    if (draft->divided) {
+        fputs(", pieces: 5, trajectories: \"0:1,2:3,4:5\", validation: \"1:2,3:4\"", w.f);
+    } else if (draft->most > 0) {
         fprintf(w.f, ", trajectories: \"0:%d\"", draft->most);
-    }
-    if (draft->seconds > 0) {
-        fprintf(w.f, ", seconds: %.9g", draft->seconds);
     }
     fprintf(w.f, "}\nseed: %d\n", draft->seed);
     if (draft->most > 0 || pm_logger_is_measured(v)) {
