@@ -72,6 +72,10 @@ done
 succeed "angle [rad]: a position, whose rate is angle_rate, which nobody measures; noise" propose --data "$folder"/swing_?.csv -o "$folder/swing"
 grep -q "angle_rate \[rad/s\]: a co-energy; nothing shows its scale, which is 1" "$folder/out" || fail "propose: no scale is known"
 grep -q "^noise: estimated" "$folder/swing/training.yaml" || fail "propose: the angle has noise"
+awk 'BEGIN { print "t [s],q [m],p [kg m/s]"; q = 1
+    for (k = 0; k < 200; k++) { printf "%.2f,%.9g,%.9g\n", 0.02*k, q, p; for (j = 0; j < 20; j++) { p -= 0.001*(q + 0.1*p); q += 0.0005*p } } }' \
+    >"$folder/momentum.csv"
+succeed "p [kg m/s]: a co-energy, though its unit is that of an energy variable" propose --budget 0 --data "$folder/momentum.csv" -o "$folder/momentum"
 # A single record teaches a model with three pieces of it, and judges it with the two between them.
 succeed "which nobody measures" propose --data "$folder"/swing_1.csv --budget 4 -o "$folder/single"
 grep -q "error on the second and fourth fifth of the record" "$folder/single/training.yaml" || fail "a single record: how was it judged?"

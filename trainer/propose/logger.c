@@ -61,6 +61,8 @@ static void describe(const pm_logger_view *v, const char *found) {
     static const char *const effects[] = {
         "drives",       "moves, with a learned factor,", "heats", "heats, with a learned factor,",
         "is a bath of", "acts through a resistance on",  "cools", "flows into"};
+    // Momenta, entropies and flux linkages.
+    static const char *const energy_units[] = {"kg m/s", "kg m^2/s", "J/K", "Wb"};
     bool units = false;
     for (int c = 0; c < v->ncolumn; ++c) {
         const char *unit = v->column[c].unit;
@@ -73,6 +75,14 @@ static void describe(const pm_logger_view *v, const char *found) {
     for (int c = 0; c < v->ncolumn; ++c) {
         const pm_logger_column *column = &v->column[c];
         printf("%s [%s]: %s", column->name, column->unit, kinds[column->kind]);
+        for (size_t k = 0; k < sizeof energy_units / sizeof *energy_units; ++k) {
+            const pm_unit unit = pm_unit_parse(energy_units[k]);
+            if (column->kind == PM_LOGGER_FLOW && pm_unit_equal(&column->dimension, &unit)) {
+                fputs(", though its unit is that of an energy variable: a scene takes it as that "
+                      "(propose SCENE --data)",
+                      stdout);
+            }
+        }
         for (int k = 0; k < v->ncarrier; ++k) {
             if (v->carrier[k].flow == c) {
                 printf(", which carries entropy between %s and %s",
