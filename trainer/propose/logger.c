@@ -17,6 +17,8 @@
 #define SAMPLES 3000
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
 #define FEWEST_TRAJECTORIES 10
+#define FEWEST_KEPT_BACK 5   // records of which a fit keeps some back (data/split.h)
+#define FEWEST_IN_PIECES 100 // samples of a record that is divided
 #define STEPS 150
 #define TRIES 4 // draws of the first weights of a trial
 // A trial ends itself after at most ENDED s of CPU time. A trial that has taken SAFETY times what
@@ -274,6 +276,16 @@ static void take_choices(pm_logger_view *v, const int *chosen) {
     }
 }
 
+// Returns true if there are too few records to keep some of them back, and these are long enough to
+// keep pieces of each back.
+static bool is_divided(const hidden_search *s) {
+    bool all = s->dataset->ntrajectory < FEWEST_KEPT_BACK;
+    for (int i = 0; i < s->dataset->ntrajectory && all; ++i) {
+        all = pm_dataset_length(s->dataset, i) >= FEWEST_IN_PIECES;
+    }
+    return all;
+}
+
 // Writes the scene and the training file of a trial into one folder.
 static pm_status write_trial(void *context, const int *chosen, const char *comment,
                              const char *path) {
@@ -282,7 +294,7 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
     pm_logger_draft draft = {.seed = hints.seed,
                              .data_path = s->data_path,
                              .most = s->most,
-                             .divided = s->dataset->ntrajectory == 1 && s->most > 0,
+                             .divided = s->most > 0 && is_divided(s) ? s->dataset->ntrajectory : 0,
                              .found = s->found[*chosen],
                              .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
@@ -859,8 +871,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
     fprintf(f,
             "# What nobody measures was found by short fits; error on the %s, %% of the "
             "deviation:\n",
-            s->dataset->ntrajectory == 1 ? "second and fourth fifth of the record"
-                                         : "validation part");
+            is_divided(s) ? "second and fourth fifth of each record" : "validation part");
     for (int i = 0; i < s->count; ++i) {
         bool any = false;
         fprintf(f, "# %s ", i == s->best ? "*" : "-");

@@ -23,6 +23,7 @@
 #define STIFFER 4        // times as many substeps at most as regressions ask for
 #define SMALL 0.1 // with which a part of a law begins that may not be there, relative to the rest
 #define ITERATIONS 400
+#define PIECES 5            // of a record that both teaches and judges
 #define TRIES 6             // draws of the first weights of a fit of noisy data
 #define ESTIMATED_PART 0.05 // of a trajectory: from it follows its start
 #define FEWEST_SAMPLES 20   // likewise
@@ -1001,8 +1002,18 @@ pm_status pm_logger_write_training(const pm_logger_draft *draft, const int *chos
     fprintf(w.f, "scene: \"%s\"\ndata: {file: \"%s\"",
             pm_path_seen_from(path, draft->scene_path, named[0]),
             pm_path_seen_from(path, draft->data_path, named[1]));
-    if (draft->divided) {
-        fputs(", pieces: 5, trajectories: \"0:1,2:3,4:5\", validation: \"1:2,3:4\"", w.f);
+    if (draft->divided > 0) {
+        char teaches[PM_LOGGER_TEXT] = "", judges[PM_LOGGER_TEXT] = "";
+        size_t n = 0, m = 0;
+        for (int k = 0; k < PIECES * draft->divided; ++k) {
+            const bool own = k % PIECES % 2 == 1;
+            char *text = own ? judges + m : teaches + n;
+            const int length = snprintf(text, PM_LOGGER_TEXT - (own ? m : n), "%s%d:%d",
+                                        (own ? m : n) > 0 ? "," : "", k, k + 1);
+            *(own ? &m : &n) += (size_t)length;
+        }
+        fprintf(w.f, ", pieces: %d, trajectories: \"%s\", validation: \"%s\"", PIECES, teaches,
+                judges);
     } else if (draft->most > 0) {
         fprintf(w.f, ", trajectories: \"0:%d\"", draft->most);
     }

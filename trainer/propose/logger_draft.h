@@ -24,8 +24,10 @@ typedef struct pm_logger_draft {
     pm_logger_view view;
     const char *scene_path, *data_path;
     int seed;
-    int most;          // for a trial: the first trajectories, as measurements; 0: all
-    bool divided;      // for a trial: every other piece of a single record is kept back
+    int most; // for a trial: the first trajectories, as measurements; 0: all
+    // For a trial: of so many records each is divided, and two of five pieces are kept back; 0:
+    // none.
+    int divided;
     double coarse;     // what the steps of a trial cost (pm_fit_score); 0: not known
     const char *found; // where constants begin (pm_search_trial); NULL: where regressions put them
     bool lean;         // without the constants of `found` that are spare
