@@ -342,11 +342,13 @@ static void add_states(fmu_writer *w) {
             const double most =
                 range.low == NULL ? 0 : fmax(fabs(range.low[g]), fabs(range.high[g]));
             state->nominal = most > 0 && most < DBL_MAX ? most : 1;
+            const char *const group = s->layout.group[g].name, *const part = s->name;
+            state->description = pm_arena_printf(w->arena, "state %s of %s", group, part);
             if (range.low != NULL && range.low[g] <= range.high[g]) {
-                state->description =
-                    pm_arena_printf(w->arena, "%s from %.4g to %.4g in training",
-                                    s->layout.group[g].size > 1 ? "length of the vector" : "value",
-                                    range.low[g], range.high[g]);
+                state->description = pm_arena_printf(
+                    w->arena, "state %s of %s; %s from %.4g to %.4g in training", group, part,
+                    s->layout.group[g].size > 1 ? "length of the vector" : "value", range.low[g],
+                    range.high[g]);
                 // A component of a vector is within its length. A start outside is not refused.
                 const double low = s->layout.group[g].size > 1 ? -range.high[g] : range.low[g];
                 const bool inside = low <= state->start && state->start <= range.high[g];
@@ -354,12 +356,16 @@ static void add_states(fmu_writer *w) {
                 state->high = inside ? range.high[g] : NAN;
             }
             const char *rate = pm_arena_printf(w->arena, "der(%s)", v->state.name[k]);
-            add(w, r->derivative + k, LOCAL, rate, v->rate.unit[k])->state = r->state + k;
+            variable *derivative = add(w, r->derivative + k, LOCAL, rate, v->rate.unit[k]);
+            derivative->state = r->state + k;
+            derivative->description = pm_arena_printf(w->arena, "rate of %s of %s", group, part);
             // The co-energies of a group that is shown by its co-energy are no variables of their
             // own.
             for (int slope = 0; slope < 2 && !s->layout.group[g].coenergy; ++slope) {
                 add(w, r->slope + slope * w->scene->physics.nz + k, CALCULATED,
-                    v->slope[slope].name[k], v->slope[slope].unit[k]);
+                    v->slope[slope].name[k], v->slope[slope].unit[k])
+                    ->description = pm_arena_printf(w->arena, "derivative of the %s of %s by %s",
+                                                    slope == 0 ? "energy" : "entropy", part, group);
             }
         }
     }
@@ -380,14 +386,17 @@ static pm_status add_variables(fmu_writer *w) {
         const pm_boundary_input *b = &w->setup->boundary_input;
         const bool follows = b->column[i] != PM_BOUNDARY_INPUT_CONSTANT || b->live_id[i] >= 0;
         if (follows || w->first[i] != 0) {
-            add(w, r->input + i, follows ? INPUT : PARAMETER, v->input.name[i], v->input.unit[i])
-                ->start = w->first[i];
+            variable *input = add(w, r->input + i, follows ? INPUT : PARAMETER, v->input.name[i],
+                                  v->input.unit[i]);
+            input->start = w->first[i];
+            input->description = "what the outside prescribes; no training range is known for it";
         }
     }
     for (int i = 0; i < 2 * ns; ++i) {
         const char *name = pm_arena_printf(w->arena, i < ns ? "%s.energy" : "%s.entropy",
                                            physics->subsystem[i % ns].name);
-        add(w, r->energy + i, CALCULATED, name, i < ns ? "J" : "J/K");
+        add(w, r->energy + i, CALCULATED, name, i < ns ? "J" : "J/K")->description =
+            i < ns ? "stored energy" : "stored entropy";
     }
     for (int i = 0; i < 4 * physics->nport; ++i) {
         const pm_scene_port *port = &physics->port[i / 4];
@@ -400,7 +409,7 @@ static pm_status add_variables(fmu_writer *w) {
             "rate that the ports give to the outside";
     }
     add(w, r->departure, CALCULATED, "outside_training_range", "1")->description =
-        "distance to the states of the training, in widths of their range";
+        "distance to the states of the training, in widths of their range; inputs do not count";
     const bool driven = physics->nboundary_input > 0;
     static const struct {
         const char *name, *unit, *description, *of_driven;
@@ -623,8 +632,33 @@ static void write_member(FILE *file, const char *name, const char *member, const
     fprintf(file, "\" memberName=\"%s\" variableKind=\"%s\"/>\n", member, kind);
 }
 
-// Writes a terminal for each port, with its fluxes, and for each boundary input whose co-energies
-// are inputs, with pairs: the effort that the outside prescribes, and the flow that it receives.
+// Writes what both ends of a port show. Where one part is another FMU, its values are inputs here
+// and outputs there, under the same names of members.
+static void write_shown(FILE *file, const fmu_writer *w, const pm_scene_port *port, pm_end end) {
+    const pm_physics *physics = &w->scene->physics;
+    const size_t prefix = strlen(pm_scene_end_name(w->scene, port, end)) + 1;
+    const int part = port->subsystem[end], outside = port->boundary_input[end];
+    for (int i = 0; i < 3 * port->layout[end].nz; ++i) {
+        const int which = i / port->layout[end].nz; // the values, their co-energies, co-entropies
+        const int c = port->component[end][i % port->layout[end].nz];
+        const int own = part >= 0 ? physics->subsystem[part].first + c : 0;
+        const int reference = part < 0
+                                  ? w->reference.input + physics->boundary_input[outside].first +
+                                        which * physics->boundary_input[outside].layout.nz + c
+                              : which == 0 ? w->reference.state + own
+                                           : w->reference.slope + (which - 1) * physics->nz + own;
+        const variable *v = &w->variable[reference];
+        if (v->name != NULL && v->kind != PARAMETER) {
+            const char *member =
+                pm_arena_printf(w->arena, "%c.%s", end == PM_END_A ? 'a' : 'b', v->name + prefix);
+            write_member(file, v->name, member == NULL ? "" : member, "signal");
+        }
+    }
+}
+
+// Writes a terminal for each port, with what its ends show and its fluxes, and for each boundary
+// input whose co-energies are inputs, with pairs: the effort that the outside prescribes, and the
+// flow that it receives.
 static void write_terminals(FILE *file, const void *context) {
     const fmu_writer *w = context;
     const pm_physics *physics = &w->scene->physics;
@@ -639,6 +673,8 @@ static void write_terminals(FILE *file, const void *context) {
             const char *name = pm_arena_printf(w->arena, "%s.%s", port->name, fluxes[k]);
             write_member(file, name == NULL ? "" : name, fluxes[k], "signal");
         }
+        write_shown(file, w, port, PM_END_A);
+        write_shown(file, w, port, PM_END_B);
         fputs("    </Terminal>\n", file);
     }
     for (int i = 0; i < physics->nboundary_input; ++i) {

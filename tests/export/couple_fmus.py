@@ -1,5 +1,5 @@
-"""couple_fmus.py WHOLE A B [DIVISIONS...]: couples the unpacked FMUs A and B of two subsystems, which prescribe each
-other's variables, and compares them with the FMU WHOLE of the scene that has both. It prints for each communication
+"""couple_fmus.py WHOLE A B [DIVISIONS...]: couples the unpacked FMUs A and B of two subsystems by the terminals that
+they have in common, and compares them with the FMU WHOLE of the scene that has both. It prints for each communication
 step h the largest error of a state over the largest such state, and the energy that the coupling loses, in three ways:
 inputs that hold over a step; inputs within a step, extrapolated from earlier outputs; and inputs within a step, which
 are interpolated between outputs of the other FMU and repeated until they stay."""
@@ -23,6 +23,8 @@ class Fmu:
         self.library = ctypes.CDLL(glob.glob(f"{folder}/binaries/*/{name}.so")[0])
         self.dt = float(self.description.find("DefaultExperiment").get("stepSize"))
         self.variables = {v.get("name"): v for v in self.description.find("ModelVariables")}
+        terminals = tree.parse(f"{folder}/terminalsAndIcons/terminalsAndIcons.xml").getroot().iter("Terminal")
+        self.members = {(t.get("name"), m.get("memberName")): m.get("variableName") for t in terminals for m in t}
         self.inputs, self.trace, self.input, self.output = None, [], [], []
         self.update = Update(self.within)
         self.library.fmi3InstantiateCoSimulation.restype = ctypes.c_void_p
@@ -36,6 +38,9 @@ class Fmu:
     def call(self, function, *arguments):
         if getattr(self.library, f"fmi3{function}")(self.instance, *arguments) != 0:
             sys.exit(f"FAILED: fmi3{function}")
+
+    def causality(self, name):
+        return self.variables[name].get("causality")
 
     def references(self, names):
         return (Reference * len(names))(*(int(self.variables[n].get("valueReference")) for n in names))
@@ -104,8 +109,12 @@ def couple(folders, divisions, way, starts):
     """Returns the states after each step of the scene, and the largest change of the energy."""
     pair = [Fmu(f) for f in folders]
     for fmu, other in (pair, pair[::-1]):
-        # An input has the name of the other FMU's output.
-        fmu.input = other.output = [n for n, v in fmu.variables.items() if v.get("causality") == "input"]
+        # A member of a terminal is an input of one FMU and an output of the other.
+        joined = [(name, other.members[member]) for member, name in fmu.members.items() if member in other.members
+                  and fmu.causality(name) == "input" and other.causality(other.members[member]) == "output"]
+        fmu.input, other.output = (list(names) for names in zip(*joined))
+        if set(fmu.input) != {n for n in fmu.variables if fmu.causality(n) == "input"}:
+            sys.exit("FAILED: an input is in no terminal")
         fmu.own = [n for n in starts if fmu.variables.get(n, {}).get("initial") == "exact"]
         fmu.set(fmu.own, [starts[n] for n in fmu.own])
     for fmu, other in (pair, pair[::-1]):

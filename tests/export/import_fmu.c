@@ -337,6 +337,41 @@ static void check_jacobian(const fmu *f, N_Vector z, N_Vector zdot, SUNMatrix ma
     free(low);
 }
 
+// Compares the derivatives of the change of the energy, of the entropy produced and of the residual
+// of power with central differences. The distance to the training range, which comes before them,
+// has edges: its derivative is finite.
+static void check_ledger(const fmu *f, portmet_scene *scene, N_Vector z, N_Vector zdot) {
+    size_t ninput, ns, nflux;
+    (void)portmet_scene_inputs(scene, &ninput);
+    portmet_scene_array(scene, PORTMET_ENERGY, &ns);
+    portmet_scene_array(scene, PORTMET_FLUX, &nflux);
+    const size_t first = 1 + 4 * f->n + ninput + ninput / 3 + 2 * ns + nflux / 2;
+    for (size_t k = 0; k < 4 * f->n; ++k) {
+        const fmi3ValueReference unknown = (fmi3ValueReference)(first + k % 4);
+        const fmi3ValueReference known = (fmi3ValueReference)(1 + k / 4);
+        const double one = 1, h = 1e-5;
+        double *entry = N_VGetArrayPointer(z) + k / 4, kept = *entry, found = NAN, value[2];
+        require(CALL(f, derivative, "fmi3GetDirectionalDerivative")(f->me, &unknown, 1, &known, 1,
+                                                                    &one, 1, &found, 1),
+                "a derivative of the ledger");
+        for (int side = 0; side < 2; ++side) {
+            *entry = kept + (side == 0 ? -h : h);
+            rate(0, z, zdot, (void *)(uintptr_t)f);
+            require(CALL(f, values, "fmi3GetFloat64")(f->me, &unknown, 1, &value[side], 1),
+                    "a value of the ledger");
+        }
+        *entry = kept;
+        rate(0, z, zdot, (void *)(uintptr_t)f);
+        const double slope = (value[1] - value[0]) / (2 * h);
+        const bool close = fabs(slope - found) <= 1e-4 * fmax(1, fabs(slope));
+        if (!isfinite(found) || (k % 4 > 0 && !close)) {
+            printf("FAILED: output %zu of state %zu: derivative %g, slope %g\n", k % 4, k / 4,
+                   found, slope);
+            exit(1);
+        }
+    }
+}
+
 static void exchange_model(fmu *f, portmet_scene *fine, long steps) {
     SUNContext context;
     size_t nz;
@@ -351,6 +386,7 @@ static void exchange_model(fmu *f, portmet_scene *fine, long steps) {
     require(CALL(f, numbers, "fmi3GetContinuousStates")(f->me, N_VGetArrayPointer(z), f->n),
             "the states");
     check_jacobian(f, z, zdot, matrix);
+    check_ledger(f, fine, z, zdot);
     void *cvode = CVodeCreate(CV_BDF, context);
     SUNLinearSolver solver = SUNLinSol_Dense(z, matrix, context);
     if (CVodeInit(cvode, rate, 0, z) != 0 || CVodeSetUserData(cvode, f) != 0 ||

@@ -359,10 +359,33 @@ static bool differentiate(instance *m, size_t nknown, const fmi3ValueReference k
     return true;
 }
 
-// Returns the derivative of a state or a result from what differentiate has computed; NULL: the
-// reference is neither.
-static const double *derivative_of(const double dz[], SCENE(_results) * d, fmi3ValueReference r) {
-    return r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE) : result_of(d, r);
+// Returns the slope of the distance to the training range along dz: a difference, since it has
+// edges.
+static double departure_slope(const instance *m, const double dz[]) {
+    double z[STATES], size = 1, length = 0;
+    for (int k = 0; k < STATES; ++k) {
+        size = fmax(size, fabs(m->now.scene.z[k]));
+        length = fmax(length, fabs(dz[k]));
+    }
+    const double step = length > 0 ? 1e-6 * size / length : 0;
+    for (int k = 0; k < STATES; ++k) {
+        z[k] = m->now.scene.z[k] + step * dz[k];
+    }
+    return step > 0 ? (SCENE(_departure)(z) - SCENE(_departure)(m->now.scene.z)) / step : 0;
+}
+
+// Writes the derivative of an output from what differentiate has computed. Returns false if the
+// reference is none. The residual of power is zero everywhere, but for rounding.
+static bool derivative_of(const instance *m, const double dz[], SCENE(_results) * d,
+                          fmi3ValueReference r, double *value) {
+    const double *result =
+        r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE) : result_of(d, r);
+    *value = result != NULL          ? *result
+             : r == DEPARTURE        ? departure_slope(m, dz)
+             : r == ENERGY_CHANGE    ? total(d->energy)
+             : r == ENTROPY_PRODUCED ? total(d->entropy)
+                                     : 0;
+    return result != NULL || (r >= DEPARTURE && r < END);
 }
 
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference unknown[],
@@ -378,11 +401,9 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference
         return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
     }
     for (size_t k = 0; k < nunknown; ++k) {
-        const double *value = derivative_of(dz, &d, unknown[k]);
-        if (value == NULL) {
+        if (!derivative_of(i, dz, &d, unknown[k], sensitivity + k)) {
             return refuse(i, "fmi3GetDirectionalDerivative: an unknown has no derivative");
         }
-        sensitivity[k] = *value;
     }
     return fmi3OK;
 }
@@ -404,11 +425,11 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance i, const fmi3ValueReference unk
         }
         sensitivity[j] = 0;
         for (size_t k = 0; k < nunknown; ++k) {
-            const double *value = derivative_of(dz, &d, unknown[k]);
-            if (value == NULL) {
+            double value;
+            if (!derivative_of(i, dz, &d, unknown[k], &value)) {
                 return refuse(i, "fmi3GetAdjointDerivative: an unknown has no derivative");
             }
-            sensitivity[j] += seed[k] * *value;
+            sensitivity[j] += seed[k] * value;
         }
     }
     return fmi3OK;
