@@ -119,9 +119,12 @@ pm_status pm_remote_wait(pm_client *r) {
             }
             if (now > r->heard + r->options.patience) {
                 const bool known = r->replied || r->digest == 0;
-                return pm_fail(PM_ETIMEOUT, "no service of scene %s answers within %g s%s",
+                return pm_fail(PM_ETIMEOUT, "no service of scene %s answers within %g s%s%s",
                                r->options.scene, r->options.patience,
-                               known ? "" : ", or not all of its processes are there");
+                               known ? "" : ", or not all of its processes are there",
+                               pm_transport_stays_here(r->transport)
+                                   ? " (with ttl=0 in the URL no message leaves this host)"
+                                   : "");
             }
             continue;
         }

@@ -652,6 +652,20 @@ class Copies(unittest.TestCase):
 
 
 class Package(unittest.TestCase):
+    def test_a_proposal_is_a_training_file(self):
+        with tempfile.TemporaryDirectory() as folder:
+            tables = []
+            for k in range(3):
+                t = 0.05 * numpy.arange(60)
+                tables.append(os.path.join(folder, f"run_{k}.csv"))
+                columns = numpy.transpose([t, numpy.cos(2 * t + k), -2 * numpy.sin(2 * t + k)])
+                numpy.savetxt(tables[-1], columns, "%.12g", ",", header="t [s],q [m],v [m/s]", comments="")
+            proposal = portmet.propose(data=tables, output=os.path.join(folder, "model"), budget=0)
+            self.assertEqual(proposal.scene, os.path.join(folder, "model", "scene.yaml"))
+            self.assertIn("q [m]: a position, whose rate is v", str(proposal))
+            fit = portmet.fit(proposal, os.path.join(folder, "weights"))
+            self.assertEqual(fit.verdict, "good")
+
     def test_metadata(self):
         self.assertEqual(importlib.metadata.version("portmet"), portmet.__version__)
         self.assertTrue(os.path.exists(os.path.join(os.path.dirname(portmet.__file__), "py.typed")))

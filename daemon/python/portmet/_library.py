@@ -49,7 +49,10 @@ def place(variable: str, relative: str, name: str) -> str:
 
 
 def _load() -> typing.Any:
-    library = ctypes.CDLL(place("PORTMET_LIBRARY", _places.LIBRARY, "libportmet.so.0"))
+    try:
+        library = ctypes.CDLL(place("PORTMET_LIBRARY", _places.LIBRARY, "libportmet.so.0"))
+    except OSError as error:
+        raise OSError(f"{error} (PORTMET_LIBRARY may name the file)") from None
     text, scene, number = ctypes.c_char_p, ctypes.c_void_p, ctypes.c_double
     size = ctypes.POINTER(ctypes.c_size_t)
     signatures = {

@@ -214,11 +214,35 @@ def fit(config: Path, output: Path, *, data: Data | None = None, progress: bool 
 
 
 @public
-def propose(scene: Path | None = None, data: Data | None = None, output: Path | None = None,
-            **options: typing.Any) -> str:
+class Proposal:
+    """What `propose` has written: the paths of the `scene` and of the `training` file, and the printed `report`. It
+    stands for the training file: fit(propose(...), folder)."""
+
+    def __init__(self, scene: Path | None, report: str) -> None:
+        written = re.findall(r"^wrote (.*\.yaml)$", report, re.MULTILINE)
+        self.report = report
+        self.scene = os.fspath(scene) if scene is not None else written[0]
+        self.training = written[-1]
+
+    def __fspath__(self) -> str:
+        return self.training
+
+    def __str__(self) -> str:
+        return self.report
+
+    def __repr__(self) -> str:
+        return f"<portmet proposal {self.training}>"
+
+
+@public
+def propose(scene: Path | None = None, data: Data | None = None, output: Path | None = None, *,
+            progress: bool | None = None, **options: typing.Any) -> Proposal:
     """Writes a draft of a training file for a scene and its data, or, without a scene, a scene and a
-    training file for tables, and returns what the command prints."""
-    return _run("propose", *([] if scene is None else [scene]), *_options({"data": data, "output": output, **options}))[1]
+    training file for tables. `progress` and other options are those of `fit` and of the command."""
+    _, report = _run("propose", *([] if scene is None else [scene]),
+                     *_options({"data": data, "output": output, **options}),
+                     progress=_is_interactive() if progress is None else progress)
+    return Proposal(scene, report)
 
 
 @public
