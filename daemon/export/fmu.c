@@ -634,7 +634,7 @@ static void write_member(FILE *file, const char *name, const char *member, const
 
 // Writes what both ends of a port show. Where one part is another FMU, its values are inputs here
 // and outputs there, under the same names of members.
-static void write_shown(FILE *file, const fmu_writer *w, const pm_scene_port *port, pm_end end) {
+static void write_shown(FILE *file, const fmu_writer *w, const pm_scene_port *port, int end) {
     const pm_physics *physics = &w->scene->physics;
     const size_t prefix = strlen(pm_scene_end_name(w->scene, port, end)) + 1;
     const int part = port->subsystem[end], outside = port->boundary_input[end];
@@ -650,7 +650,7 @@ static void write_shown(FILE *file, const fmu_writer *w, const pm_scene_port *po
         const variable *v = &w->variable[reference];
         if (v->name != NULL && v->kind != PARAMETER) {
             const char *member =
-                pm_arena_printf(w->arena, "%c.%s", end == PM_END_A ? 'a' : 'b', v->name + prefix);
+                pm_arena_printf(w->arena, "%c.%s", end == 0 ? 'a' : 'b', v->name + prefix);
             write_member(file, v->name, member == NULL ? "" : member, "signal");
         }
     }
@@ -673,8 +673,8 @@ static void write_terminals(FILE *file, const void *context) {
             const char *name = pm_arena_printf(w->arena, "%s.%s", port->name, fluxes[k]);
             write_member(file, name == NULL ? "" : name, fluxes[k], "signal");
         }
-        write_shown(file, w, port, PM_END_A);
-        write_shown(file, w, port, PM_END_B);
+        write_shown(file, w, port, 0);
+        write_shown(file, w, port, 1);
         fputs("    </Terminal>\n", file);
     }
     for (int i = 0; i < physics->nboundary_input; ++i) {
