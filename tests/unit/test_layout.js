@@ -3,8 +3,9 @@
 // leave their bounds to the next one.
 const fs = require("fs");
 const source = fs.readFileSync(process.argv[2], "utf8");
-const part = (from, to, names) =>
-  new Function(source.slice(source.indexOf(from), source.indexOf(to)) + `; return {${names}};`)();
+const constants = source.match(/^const (MANY|LONG|BETWEEN_ROWS) = [^;]*;/gm).join("");
+const part = (from, to, names, place) => new Function(
+  "place", constants + source.slice(source.indexOf(from), source.indexOf(to)) + `; return {${names}};`)(place);
 const {layOut} = part("function distances", "// --- the graph ---", "layOut");
 const chain = n => Array.from({length: n - 1}, (_, i) => ({a: i, b: i + 1}));
 for (const [n, edges] of [[1, []], [2, chain(2)], [3, chain(3)], [10, chain(10)], [5, [...chain(5), {a: 4, b: 0}]]]) {
@@ -16,6 +17,18 @@ for (const [n, edges] of [[1, []], [2, chain(2)], [3, chain(3)], [10, chain(10)]
   for (const e of edges) {
     if (Math.abs(apart(e.a, e.b) - 1) > 0.4) throw new Error(`${n} nodes: an edge is ${apart(e.a, e.b)} long`);
   }
+}
+
+// A long chain, and a ladder, in rows: inside the canvas, no two nodes close to each other, all edges short.
+const ladder = Array.from({length: 49}, (_, i) => ({a: i, b: i + 2 < 50 ? i + 2 : i - 1}));
+for (const [n, edges] of [[64, chain(64)], [50, [{a: 0, b: 1}, ...ladder]]]) for (const [width, height] of [[990, 250], [370, 420]]) {
+  const place = layOut({nodes: new Array(n).fill({}), edges});
+  const {fold} = part("// Returns the pixels of a long graph", "// Returns the pixels of all places", "fold", place);
+  const p = fold(width, height), at = `${n} nodes in ${width} x ${height}`;
+  const apart = (i, k) => Math.hypot(p[i][0] - p[k][0], p[i][1] - p[k][1]);
+  if (p.some(q => q[0] < 20 || q[0] > width - 20 || q[1] < 20 || q[1] > height - 20)) throw new Error(`${at}: outside`);
+  for (let i = 0; i < n; ++i) for (let k = 0; k < i; ++k) if (!(apart(i, k) > 15)) throw new Error(`${at}: ${i} and ${k}`);
+  for (const e of edges) if (apart(e.a, e.b) > 160) throw new Error(`${at}: an edge is ${apart(e.a, e.b)} long`);
 }
 
 const {ticks, tickTexts} = part("// Returns ticks of a scale", "// --- receiving ---", "ticks, tickTexts");
