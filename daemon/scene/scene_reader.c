@@ -1003,23 +1003,25 @@ static pm_status read_ports(pm_scene_reader *r) {
         }
     }
 
-    // The farthest two subsystems are looked for only if that takes little time. Twice the distance
-    // from the first one to the farthest is a bound, and so is the number of subsystems.
+    // The farthest two subsystems are looked for only if an iteration needs them (sim/iteration.h)
+    // and that takes little time. Twice the distance from the first one to the farthest is a bound,
+    // and so is the number of subsystems.
     pm_arena arena = {0};
     int *found = pm_arena_array(&arena, n + 1, sizeof *found);
     int *ring = pm_arena_array(&arena, n + 1, sizeof *ring);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&arena, "a scene"));
-    const size_t sources = n * nend <= MOST_VISITS ? n : 1;
+    const bool exact = pm_integrator_iterates(physics->integrator) && n * nend <= MOST_VISITS;
+    const size_t sources = exact ? n : 1;
     int distance = 0;
     for (size_t i = 0; i < sources; ++i) {
         const int farthest = find_farthest(physics, (int)i, found, ring);
         distance = farthest > distance ? farthest : distance;
     }
     const int most = physics->nsubsystem - 1;
-    physics->diameter = sources == n || distance == INT_MAX ? distance
-                        : 2 * distance < most               ? 2 * distance
-                                                            : most;
+    physics->diameter = exact || distance == INT_MAX ? distance
+                        : 2 * distance < most        ? 2 * distance
+                                                     : most;
 done:
     pm_arena_free(&arena);
     return status;
