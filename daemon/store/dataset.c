@@ -87,37 +87,6 @@ void pm_dataset_shorten(pm_dataset *dataset, int ntime) {
     dataset->ntime = ntime;
 }
 
-pm_status pm_dataset_divide(pm_dataset *dataset, int pieces) {
-    const size_t ncolumn = (size_t)dataset->ncolumn;
-    const int count = dataset->ntrajectory * pieces, ntime = (dataset->ntime + pieces - 1) / pieces;
-    double *z = pm_arena_array(&dataset->arena, (size_t)count * (size_t)ntime * ncolumn, sizeof *z);
-    double *t = pm_arena_array(&dataset->arena, (size_t)count * (size_t)ntime, sizeof *t);
-    PM_TRY(pm_arena_status(&dataset->arena, "the pieces of a dataset"));
-    for (int i = 0; i < count; ++i) {
-        const int whole = i / pieces, length = pm_dataset_length(dataset, whole);
-        const int first = (int)((int64_t)length * (i % pieces) / pieces);
-        const int next = (int)((int64_t)length * (i % pieces + 1) / pieces);
-        if (next - first < 2) {
-            return pm_fail(PM_EDATA, "trajectory %d has %d samples: too few for %d pieces", whole,
-                           length, pieces);
-        }
-        for (int j = 0; j < ntime; ++j) {
-            const size_t to = (size_t)i * (size_t)ntime + (size_t)j;
-            const bool has = first + j < next;
-            t[to] = has ? pm_dataset_time(dataset, whole, first + j) : (double)NAN;
-            for (size_t c = 0; c < ncolumn; ++c) {
-                z[to * ncolumn + c] =
-                    has ? pm_dataset_state(dataset, whole, first + j)[c] : (double)NAN;
-            }
-        }
-    }
-    dataset->z = z;
-    dataset->times = t;
-    dataset->ntrajectory = count;
-    dataset->ntime = ntime;
-    return PM_OK;
-}
-
 pm_status pm_dataset_with_rates(pm_dataset *dataset) {
     const size_t count = (size_t)dataset->ntrajectory * (size_t)dataset->ntime;
     dataset->zdot =
@@ -167,6 +136,42 @@ const char *pm_dataset_find_note(const pm_dataset *dataset, const char *name) {
         }
     }
     return NULL;
+}
+
+pm_status pm_dataset_cut(pm_dataset **dataset, const pm_dataset *whole, int count,
+                         const pm_piece *piece) {
+    const size_t ncolumn = (size_t)whole->ncolumn;
+    pm_dataset *made = NULL;
+    pm_status status;
+    int ntime = 0;
+    for (int i = 0; i < count; ++i) {
+        const int own = piece[i].end - piece[i].first;
+        ntime = own > ntime ? own : ntime;
+    }
+    PM_TRY(pm_dataset_new(&made, count, ntime, whole->ncolumn, whole->dt, whole->column));
+    made->measured = true;
+    made->times = pm_arena_array(&made->arena, (size_t)count * (size_t)ntime, sizeof *made->times);
+    PM_TRY_DONE(pm_arena_status(&made->arena, "the pieces of a dataset"));
+    for (int i = 0; i < count; ++i) {
+        const pm_piece *p = &piece[i];
+        for (int j = 0; j < ntime; ++j) {
+            const bool has = p->first + j < p->end;
+            double *z = pm_dataset_state(made, i, j);
+            made->times[(size_t)i * (size_t)ntime + (size_t)j] =
+                has ? pm_dataset_time(whole, p->trajectory, p->first + j) : (double)NAN;
+            for (size_t c = 0; c < ncolumn; ++c) {
+                z[c] = has ? pm_dataset_state(whole, p->trajectory, p->first + j)[c] : (double)NAN;
+            }
+        }
+    }
+    for (int i = 0; i < whole->nnote; ++i) {
+        PM_TRY_DONE(pm_dataset_note(made, whole->note[i].name, "%s", whole->note[i].text));
+    }
+    *dataset = made;
+    made = NULL;
+done:
+    pm_dataset_free(made);
+    return status;
 }
 
 pm_status pm_dataset_units(const pm_dataset *dataset, pm_arena *arena, const char ***unit) {

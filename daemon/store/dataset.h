@@ -104,10 +104,15 @@ void pm_dataset_free(pm_dataset *dataset); // NULL is allowed
 // Leaves out all states of each trajectory after the first `ntime` ones, which is at least 1 and at
 // most the number of states.
 void pm_dataset_shorten(pm_dataset *dataset, int ntime);
-// Divides each trajectory of measurements without rates into so many pieces of equal length, each
-// of which becomes a trajectory; trajectory i begins with piece i * pieces. PM_EDATA: a piece would
-// have less than two samples; PM_ENOMEM.
-pm_status pm_dataset_divide(pm_dataset *dataset, int pieces);
+// The samples of a trajectory from `first` up to, but not including, `end`.
+typedef struct pm_piece {
+    int trajectory, first, end;
+} pm_piece;
+
+// Makes a dataset of measurements, whose trajectories are pieces [count] of those of `whole`, with
+// their times and without rates. It has the notes of `whole`. PM_ENOMEM. The caller frees.
+pm_status pm_dataset_cut(pm_dataset **dataset, const pm_dataset *whole, int count,
+                         const pm_piece *piece);
 
 // Returns the state [ncolumn] of trajectory i at time j.
 static inline double *pm_dataset_state(const pm_dataset *d, int i, int j) {

@@ -73,26 +73,25 @@ static void the_first_states_of_each_trajectory_remain(void **state) {
     pm_dataset_free(whole);
 }
 
-// Trajectories of four samples in pieces of two; three samples are too few.
-static void pieces_follow_each_other(void **state) {
+static void pieces_have_their_samples_times_and_notes(void **state) {
     (void)state;
-    pm_dataset *d = sample_dataset(), *whole = sample_dataset();
-    assert_int_equal(pm_dataset_divide(d, 2), PM_OK);
-    assert_int_equal(d->ntrajectory, 4);
-    assert_int_equal(d->ntime, 2);
-    for (int i = 0; i < 4; ++i) {
-        for (int j = 0; j < 2; ++j) {
-            const int at = i % 2 * 2 + j;
-            assert_true(pm_dataset_time(d, i, j) == pm_dataset_time(whole, i / 2, at));
-            assert_memory_equal(pm_dataset_state(d, i, j), pm_dataset_state(whole, i / 2, at),
+    static const pm_piece piece[] = {{1, 0, 3}, {0, 2, 4}};
+    pm_dataset *whole = sample_dataset(), *d = NULL;
+    assert_int_equal(pm_dataset_note(whole, "title", "whole"), PM_OK);
+    assert_int_equal(pm_dataset_cut(&d, whole, 2, piece), PM_OK);
+    assert_int_equal(d->ntrajectory, 2);
+    assert_int_equal(d->ntime, 3);
+    assert_string_equal(pm_dataset_find_note(d, "title"), "whole");
+    for (int i = 0; i < 2; ++i) {
+        const int length = piece[i].end - piece[i].first;
+        assert_int_equal(pm_dataset_length(d, i), length);
+        for (int j = 0; j < length; ++j) {
+            const int from = piece[i].trajectory, at = piece[i].first + j;
+            assert_true(pm_dataset_time(d, i, j) == pm_dataset_time(whole, from, at));
+            assert_memory_equal(pm_dataset_state(d, i, j), pm_dataset_state(whole, from, at),
                                 3 * sizeof(double));
         }
     }
-    for (int k = 0; k < 3; ++k) {
-        pm_dataset_state(whole, 1, 3)[k] = NAN;
-    }
-    assert_int_equal(pm_dataset_divide(whole, 2), PM_EDATA);
-    assert_string_equal(pm_error(), "trajectory 1 has 3 samples: too few for 2 pieces");
     pm_dataset_free(d);
     pm_dataset_free(whole);
 }
@@ -391,7 +390,7 @@ int main(void) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_first_states_of_each_trajectory_remain),
-        cmocka_unit_test(pieces_follow_each_other),
+        cmocka_unit_test(pieces_have_their_samples_times_and_notes),
         cmocka_unit_test_setup_teardown(save_and_load_return_the_same, scratch_setup,
                                         scratch_teardown),
         cmocka_unit_test_setup_teardown(rates_come_back, scratch_setup, scratch_teardown),

@@ -259,6 +259,10 @@ grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expe
 
 # --- mistakes ---
 sed '/^noise/a stages: [{optimiser: adam, iterations: 3}]' "$folder/training.yaml" >"$folder/stages.yaml"
+sed 's/data: {validation: none, trajectories: "0:3"}/data: {pieces: 1000}/' "$folder/training.yaml" >"$folder/pieces.yaml"
+expect 5 "samples: too few for 1000 pieces" fit "$folder/pieces.yaml" --data "$folder/swing.h5" -o "$folder/no"
+sed -i 's/pieces: 1000/pieces: 2, trajectories: "0:4", validation: "4:8"/' "$folder/pieces.yaml"
+succeed "trajectories 0:4 of at most 125 samples" fit "$folder/pieces.yaml" --data "$folder/swing.h5" -o "$folder/pieces"
 expect 3 'a fit to measurements has no stages' fit "$folder/stages.yaml" --data "$folder/swing.h5" -o "$folder/no"
 expect 5 'which only those of measurements may be' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5"
 expect 2 'nothing is left to predict after 100 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" --data "$folder/swing.h5" --estimate 100

@@ -176,6 +176,28 @@ static pm_status fill_states(pm_fit *f, const pm_tracks *tracks) {
     return PM_OK;
 }
 
+// Divides each record into as many pieces of equal length as the training file says.
+static pm_status divide_records(pm_fit *f) {
+    pm_dataset *whole = f->measured.data, *pieces;
+    const int each = f->training->pieces, count = whole->ntrajectory * each;
+    pm_piece *piece = pm_arena_array(&f->arena, (size_t)count, sizeof *piece);
+    PM_TRY(pm_arena_status(&f->arena, "pieces of records"));
+    for (int i = 0; i < count; ++i) {
+        const int64_t length = pm_dataset_length(whole, i / each);
+        piece[i] = (pm_piece){.trajectory = i / each,
+                              .first = (int)(length * (i % each) / each),
+                              .end = (int)(length * (i % each + 1) / each)};
+        if (piece[i].end - piece[i].first < 2) {
+            return pm_fail(PM_EDATA, "%s: trajectory %d has %d samples: too few for %d pieces",
+                           f->data, i / each, (int)length, each);
+        }
+    }
+    PM_TRY(pm_dataset_cut(&pieces, whole, count, piece));
+    pm_dataset_free(whole);
+    f->measured.data = pieces;
+    return PM_OK;
+}
+
 static pm_status load(pm_fit *f) {
     pm_fit_measured *m = &f->measured;
     const pm_scene *scene = f->training->scene;
@@ -184,7 +206,7 @@ static pm_status load(pm_fit *f) {
                                                        : "z";
     const size_t nz = (size_t)scene->physics.nz;
     PM_TRY(pm_dataset_load_measured(&m->data, f->data, name));
-    PM_TRY(f->training->pieces > 1 ? pm_dataset_divide(m->data, f->training->pieces) : PM_OK);
+    PM_TRY(f->training->pieces > 1 ? divide_records(f) : PM_OK);
     PM_TRY(pm_unit_change_apply(scene, m->data, true));
     PM_TRY(pm_observation_bind(&m->observation, f->training->system, m->data, &f->arena));
     const size_t ny = (size_t)m->observation.count;
@@ -375,48 +397,27 @@ typedef struct divided_fit {
 // Divides the records of a fit into `pieces` each, which begin in the fitted states.
 static pm_status divide(divided_fit *d, const pm_fit *f, const pm_shooting *s, int pieces) {
     const pm_dataset *whole = f->measured.data;
-    const size_t nz = (size_t)s->nz, width = (size_t)whole->ncolumn;
+    const size_t nz = (size_t)s->nz;
     const int count = s->tracks->count * pieces;
     double *begin = pm_arena_array(&d->arena, (size_t)count * nz, sizeof *begin);
-    int longest = 0;
+    pm_piece *piece = pm_arena_array(&d->arena, (size_t)count, sizeof *piece);
     d->which = pm_arena_array(&d->arena, (size_t)count, sizeof *d->which);
     d->observation = s->observation[0];
     d->observation.guess = pm_arena_array(&d->arena, nz, sizeof *begin);
     d->observation.deviation = pm_arena_array(&d->arena, nz, sizeof *begin);
     PM_TRY(pm_arena_status(&d->arena, "pieces of records"));
-    for (int i = 0; i < s->tracks->count; ++i) {
-        const pm_track *t = &s->tracks->track[i];
-        const int all = t->sample[t->count - 1] + 1;
-        longest = all > longest ? all : longest;
-    }
-    longest = longest / pieces * 2 + 2;
-    PM_TRY(pm_dataset_new(&d->data, count, longest, whole->ncolumn, whole->dt, whole->column));
-    const size_t rows = (size_t)count * (size_t)longest;
-    d->data->measured = true;
-    d->data->times = pm_arena_array(&d->data->arena, rows, sizeof *d->data->times);
-    PM_TRY(pm_arena_status(&d->data->arena, "pieces of records"));
-    for (size_t k = 0; k < rows; ++k) {
-        d->data->times[k] = NAN;
-    }
-    for (size_t k = 0; k < rows * width; ++k) {
-        d->data->z[k] = NAN;
-    }
     for (int i = 0; i < count; ++i) {
-        const int from = i / pieces, piece = i % pieces;
+        const int from = i / pieces;
         const pm_track *t = &s->tracks->track[from];
-        const int first = (int)((long)piece * t->count / pieces);
-        const int end = (int)((long)(piece + 1) * t->count / pieces);
-        const int start = t->sample[first], after = t->sample[end - 1] + 1;
+        const int first = (int)((long)(i % pieces) * t->count / pieces);
+        const int end = (int)((long)(i % pieces + 1) * t->count / pieces);
         d->which[i] = i;
+        piece[i] = (pm_piece){.trajectory = f->split.trajectory[from],
+                              .first = t->sample[first],
+                              .end = t->sample[end - 1] + 1};
         memcpy(begin + (size_t)i * nz, s->state[from] + (size_t)first * nz, nz * sizeof *begin);
-        for (int k = start; k < after && k - start < longest; ++k) {
-            const int trajectory = f->split.trajectory[from];
-            d->data->times[(size_t)i * (size_t)longest + (size_t)(k - start)] =
-                pm_dataset_time(whole, trajectory, k);
-            memcpy(pm_dataset_state(d->data, i, k - start), pm_dataset_state(whole, trajectory, k),
-                   width * sizeof(double));
-        }
     }
+    PM_TRY(pm_dataset_cut(&d->data, whole, count, piece));
     // A piece may begin wherever the fitted trajectories have been.
     for (int c = 0; c < s->nz; ++c) {
         double sum = 0, square = 0;
@@ -445,7 +446,7 @@ static pm_status divide(divided_fit *d, const pm_fit *f, const pm_shooting *s, i
     for (int c = 0; c < s->nz; ++c) {
         terms->prior[c] = s->observation->hidden[c] ? d->observation.deviation[c] : 0;
     }
-    PM_TRY(pm_shooting_divide(&d->shooting, longest));
+    PM_TRY(pm_shooting_divide(&d->shooting, d->data->ntime));
     memcpy(d->shooting.z, begin, (size_t)count * nz * sizeof *begin);
     return PM_OK;
 }
