@@ -907,11 +907,9 @@ static pm_status await(pm_lockstep_coordinator *c) {
     list_missing(c, patience, names, sizeof names);
     if (names[0] != 0) {
         // A node on another host is not missing for a reason of its own if nothing leaves this one.
-        const bool stays_here = pm_transport_stays_here(c->endpoint.transport);
         return c->phase == PM_COORDINATOR_GATHERING
                    ? pm_fail(PM_ETIMEOUT, "nodes missing after %.3g s: %s%s", waited, names,
-                             stays_here ? " (with ttl=0 in the URL no message leaves this host)"
-                                        : "")
+                             pm_transport_reach(c->endpoint.transport))
                    : pm_fail(PM_ETIMEOUT, "no word for %.3g s, in step %lld, from: %s", waited,
                              (long long)steps_shown(c), names);
     }

@@ -986,12 +986,9 @@ static pm_status say_hello(pm_lockstep_node *node) {
                        scene->name, node->name);
     }
     if (node->endpoint.now >= node->until) {
-        return pm_fail(PM_ETIMEOUT,
-                       "no coordinator of scene %s with the same models answered within %.3g s%s",
-                       scene->name, scene->network.patience,
-                       pm_transport_stays_here(node->endpoint.transport)
-                           ? " (with ttl=0 in the URL no message leaves this host)"
-                           : "");
+        return pm_fail(
+            PM_ETIMEOUT, "no coordinator of scene %s with the same models answered within %.3g s%s",
+            scene->name, scene->network.patience, pm_transport_reach(node->endpoint.transport));
     }
     if (node->endpoint.now >= node->next) {
         const bool later = node->stays && node->endpoint.now > node->waited + HELLO_SOON;

@@ -122,9 +122,7 @@ pm_status pm_remote_wait(pm_client *r) {
                 return pm_fail(PM_ETIMEOUT, "no service of scene %s answers within %g s%s%s",
                                r->options.scene, r->options.patience,
                                known ? "" : ", or not all of its processes are there",
-                               pm_transport_stays_here(r->transport)
-                                   ? " (with ttl=0 in the URL no message leaves this host)"
-                                   : "");
+                               pm_transport_reach(r->transport));
             }
             continue;
         }

@@ -90,8 +90,8 @@ pm_status pm_transport_open(pm_transport **transport, const char *url) {
     return PM_OK;
 }
 
-bool pm_transport_stays_here(const pm_transport *transport) {
-    return transport->stays_here;
+const char *pm_transport_reach(const pm_transport *transport) {
+    return transport->stays_here ? " (with ttl=0 in the URL no message leaves this host)" : "";
 }
 
 void pm_transport_close(pm_transport *transport) {

@@ -44,8 +44,9 @@ pm_status pm_transport_place(const char *url, int *rank, int *count);
 // multicast; the error then names the commands that make one. PM_ENOMEM.
 pm_status pm_transport_open(pm_transport **transport, const char *url);
 
-// True if no message leaves this host: the URL is one of LCM and has no `ttl`, or 0.
-bool pm_transport_stays_here(const pm_transport *transport);
+// Returns words for an error about somebody who is silent: that with the ttl of the URL no message
+// leaves this host, or "".
+const char *pm_transport_reach(const pm_transport *transport);
 
 // Makes a transport of functions (transport_table.h) and their state, which it then owns.
 // PM_ENOMEM.
