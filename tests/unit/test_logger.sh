@@ -133,6 +133,24 @@ grep -q "^# \* y: a hidden level falls and spills into it" "$folder/spill/traini
 succeed "y: residual" fit "$folder/spill/training.yaml" -o "$folder/spill/weights"
 awk '$1 == "y:" && $2 == "residual" { small = $3 < 0.1 } END { exit !small }' "$folder/out" || fail "fit: expected a residual below 0.1 V"
 
+# The same tank, which spills in those pieces of the record alone that judge hypotheses: only the whole record teaches it.
+awk 'BEGIN {
+    srand(1); a = 4; b = 4; print "t [s],y [V],u [V]"
+    for (k = 0; k < 400; k++) {
+        if (k % 10 == 0) u = int(k/80) % 2 ? 3 + 4*rand() : 1 + 3.5*rand()
+        printf "%d,%.4f,%.4f\n", 4*k, b + 0.01*(rand() + rand() - 1), u
+        for (j = 0; j < 40; j++) {
+            spill = a > 9 ? 0.2*(a - 9) : 0
+            out = 0.06*sqrt(a); a += 0.1*(0.05*u - out - spill); b += 0.1*(out + spill/2 - 0.075*sqrt(b))
+        }
+    }
+}' >"$folder/late.csv"
+succeed "wrote" propose --budget 40 --data "$folder/late.csv" --inputs u -o "$folder/late"
+grep -q "^# \* y: a hidden level falls and spills into it.*, whole records" "$folder/late/training.yaml" ||
+    fail "propose: expected that whole records show a level that spills over"
+succeed "y: residual" fit "$folder/late/training.yaml" -o "$folder/late/weights"
+awk '$1 == "y:" && $2 == "residual" { small = $3 < 0.1 } END { exit !small }' "$folder/out" || fail "fit: expected a residual below 0.1 V"
+
 # Two coils of a transformer: the voltage at one of them moves both currents, through an inductance that they share.
 for i in 1 2 3 4; do
     awk -v seed=$i 'BEGIN {

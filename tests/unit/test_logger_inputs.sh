@@ -73,6 +73,19 @@ for rows in 2 -1; do
     awk '$1 == "q" || $1 == "w" { n += $2 < 2 } END { exit n != 2 }' "$folder/out" || fail "the motor is not learned"
 done
 
+# A current carries entropy from a cold plate to a warm one, so that its direction tells which one cools, and heats both.
+write couple 8 "Tc [K],Th [K],I [A]" "n = 2; driven = 1; y[1] = 285 + 20*rand(); y[2] = 295 + 20*rand()" \
+    "q = 0.5*(y[2] - y[1]); c = 3*u; y[1] += 0.05*(-0.05*y[1]*c + c*c + q + 0.1*(295 - y[1]))/1.6
+     y[2] += 0.05*(0.05*y[2]*c + c*c - q + 2.5*(295 - y[2]))/6"
+for file in "$folder"/couple_?.csv; do
+    awk -F, -v OFS=, 'NR > 1 { $1 *= 50; $4 *= 3 } { print }' "$file" >"$folder/next" && mv "$folder/next" "$file"
+done
+noisy couple 2 3
+succeed "I [A]: an input; heats, with a learned factor, Tc" propose --budget 0 --data "$folder"/couple_?.csv --inputs I -o "$folder/couple"
+succeed "Verdict: good" fit "$folder/couple/training.yaml" -o "$folder/couple/weights"
+awk '/carried_I_Tc = /{ sub(",", "", $3); c = $3 } /carried_I_Th = /{ sub(",", "", $3); h = $3 }
+    END { r = -c/h; exit !(c < 0 && r > 0.9 && r < 1.15) }' "$folder/out" || fail "fit: as much entropy enters one plate as leaves the other"
+
 # Wheels of two torques move a robot and turn it.
 write wheels 8 "heading [rad],v [m/s],w [rad/s],left [N m],right [N m]" \
     "n = 4; driven = 1; y[2] = rand() - 0.5; y[3] = 2*rand() - 1; y[4] = 2*rand() - 1" \

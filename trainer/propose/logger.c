@@ -47,6 +47,10 @@
 #define HARDLY_WORSE 1.1
 #define FEWEST_LEFT_OUT 8
 #define DECIMAL 10
+// Of records that are divided, up to MOST_WHOLE hypotheses are fitted to whole ones, whose error is
+// less than ALIKE times that of the best.
+#define MOST_WHOLE 4
+#define ALIKE 1.25
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
@@ -248,6 +252,7 @@ typedef struct hidden_search {
     int most;             // trajectories of a trial; 0: all, which need not be measurements
     pm_logger_view first; // what is found first
     int count, best;
+    int whole; // trials from this number on are of whole records; 0: none
     hypothesis what[MOST_TRIALS];
     bool simpler[MOST_TRIALS];      // it has fewer constants than the one it began with
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
@@ -291,12 +296,13 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
                              const char *path) {
     const hidden_search *s = context;
     pm_logger_hints hints = *s->hints;
-    pm_logger_draft draft = {.seed = hints.seed,
-                             .data_path = s->data_path,
-                             .most = s->most,
-                             .divided = s->most > 0 && is_divided(s) ? s->dataset->ntrajectory : 0,
-                             .found = s->found[*chosen],
-                             .lean = s->lean[*chosen]};
+    pm_logger_draft draft = {
+        .seed = hints.seed,
+        .data_path = s->data_path,
+        .most = s->most,
+        .divided = s->most > 0 && is_divided(s) && s->whole == 0 ? s->dataset->ntrajectory : 0,
+        .found = s->found[*chosen],
+        .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
     const hypothesis *what = &s->what[*chosen];
     hints.guess = what->guess;
@@ -353,12 +359,12 @@ static int add_lines(char *to, const char *from, int most) {
     return count;
 }
 
-// Returns the constants at the end of the best trial, or those at its start if it also learned
-// networks. What a lean trial left out stays spare.
-static const char *found_by_best(hidden_search *s) {
-    const char *own = s->trial[s->best].found, *first = s->found[s->best];
+// Returns the constants at the end of a trial, or those at its start if it also learned networks.
+// What a lean trial left out stays spare.
+static const char *found_by(hidden_search *s, int id) {
+    const char *own = s->trial[id].found, *first = s->found[id];
     char *found = NULL;
-    if (*own != '\0' && s->lean[s->best]) {
+    if (*own != '\0' && s->lean[id]) {
         found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);
     }
     if (found == NULL) {
@@ -367,6 +373,10 @@ static const char *found_by_best(hidden_search *s) {
     add_lines(found, first, INT_MAX);
     add_lines(found, own, -1);
     return found;
+}
+
+static const char *found_by_best(hidden_search *s) {
+    return found_by(s, s->best);
 }
 
 // Returns true if all errors are below so many times the noise. Trials of measurements are judged
@@ -439,7 +449,8 @@ static pm_status try_guesses(hidden_search *s, int from) {
 }
 
 // Adds a trial that has the best guesses so far, and another guess for the column with identifier
-// `id`, or also for the variables that are like it.
+// `id`, or also for the variables that are like it. A guess that was tried beside the best one
+// before is tried once more if it adds to it: it may need constants that have been fitted.
 static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_unit *alike) {
     if (s->count == MOST_TRIALS) {
         return;
@@ -447,6 +458,8 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     const int first = s->count;
     pm_logger_guess *own = s->what[first].guess;
     s->what[first] = s->what[s->best];
+    const bool adds = pm_logger_adds(guess, own[id]);
+    const char *found = found_by_best(s);
     for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
         const bool same = alike != NULL && pm_unit_equal(&other->dimension, alike) &&
@@ -457,7 +470,8 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
         }
     }
     for (int i = 0; i < s->count; ++i) {
-        if (memcmp(s->what[i].guess, own, sizeof s->what[i].guess) == 0) {
+        const bool once_more = adds && (s->found[i] == NULL || strcmp(s->found[i], found) != 0);
+        if (memcmp(s->what[i].guess, own, sizeof s->what[i].guess) == 0 && !once_more) {
             return;
         }
     }
@@ -468,7 +482,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     const bool hides = pm_logger_hides(guess), lean = s->lean[s->best];
     for (int anew = 0; anew < 2 && s->count < MOST_TRIALS; ++anew) {
         const bool keeps = anew == 0 && !acts;
-        if (anew == 0 ? !hides || lean : hides) {
+        if (anew == 0 ? !hides || lean || adds : hides && !adds) {
             s->what[s->count] = s->what[first];
             s->simpler[s->count] = guess == PM_LOGGER_CYCLIC || guess == PM_LOGGER_AS_FOUND;
             s->lean[s->count] = keeps && lean;
@@ -747,6 +761,94 @@ static pm_status leave_out(hidden_search *s) {
     return PM_OK;
 }
 
+// Adds a trial of whole records, from where trial `id` ended.
+static void add_whole(hidden_search *s, int id) {
+    if (s->count < MOST_TRIALS) {
+        s->what[s->count] = s->what[id];
+        s->lean[s->count] = s->lean[id];
+        s->found[s->count++] = found_by(s, id);
+    }
+}
+
+// Fits the trials from number `from` on to whole records. The likeliest one wins, with the price of
+// its constants, if its error is less than `worst`.
+static pm_status run_whole(hidden_search *s, int from, double worst) {
+    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    double samples = 0;
+    int number[MOST_TRIALS];
+    const int *vector[MOST_TRIALS];
+    pm_fit_effort effort[MOST_TRIALS];
+    for (int i = from; i < s->count; ++i) {
+        number[i - from] = i;
+        vector[i - from] = &number[i - from];
+        effort[i - from] = (pm_fit_effort){.whole = true,
+                                           .tries = TRIES,
+                                           .try_iterations = 4,
+                                           .samples = FEWEST_SAMPLES,
+                                           .iterations = STEPS,
+                                           .stages = 1,
+                                           .seconds = ENDED};
+    }
+    PM_TRY(pm_arena_status(&s->arena, "constants"));
+    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, SAFETY * ENDED + ENDED, NULL,
+                         s->hints->stop, s->trial + from, &s->used));
+    for (int c = 0; c < s->first.nvariable; ++c) {
+        const bool measured = s->first.column[c].source != NULL;
+        samples += measured ? (double)s->dataset->ntrajectory * s->dataset->ntime : 0;
+    }
+    double least = INFINITY;
+    for (int i = s->whole; i < s->count; ++i) {
+        int constants = 0;
+        for (const char *c = s->trial[i].found; *c != '\0'; ++c) {
+            constants += *c == '\n';
+        }
+        const double price = samples * log(error_of(s, i)) + constants * log(samples) / 2;
+        if (error_of(s, i) < worst && price < least) {
+            least = price;
+            s->best = i;
+        }
+    }
+    return PM_OK;
+}
+
+// Fits the best hypotheses to whole records, from where their trials on pieces ended, if pieces
+// hardly tell them apart: they are short, and some of them teach nothing. A fit to whole records
+// that is worse than one to pieces has failed. Then a guess is tried that adds to the best one.
+static pm_status try_whole(hidden_search *s) {
+    const double error = error_of(s, s->best);
+    bool taken[MOST_TRIALS] = {false};
+    int from = s->count;
+    if (s->most == 0 || !is_divided(s) || !isfinite(error)) {
+        return PM_OK;
+    }
+    for (int k = 0; k < MOST_WHOLE; ++k) {
+        int next = -1;
+        for (int i = 0; i < from; ++i) {
+            const bool may =
+                !taken[i] && *s->trial[i].found != '\0' && error_of(s, i) < ALIKE * error;
+            next = may && (next < 0 || error_of(s, i) < error_of(s, next)) ? i : next;
+        }
+        if (next >= 0) {
+            taken[next] = true;
+            add_whole(s, next);
+        }
+    }
+    s->whole = from;
+    PM_TRY(run_whole(s, from, error));
+    from = s->count;
+    for (int c = 0; c < s->first.nvariable && s->best >= s->whole; ++c) {
+        const pm_logger_column *column = &s->first.column[c];
+        for (int i = 0; i < column->nother && column->id >= 0; ++i) {
+            if (pm_logger_adds(column->other[i], s->what[s->best].guess[column->id]) &&
+                s->count < MOST_TRIALS) {
+                add_whole(s, s->best);
+                s->what[s->count - 1].guess[column->id] = column->other[i];
+            }
+        }
+    }
+    return s->count > from ? run_whole(s, from, error) : PM_OK;
+}
+
 // Tries what may be hidden, and other laws.
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
@@ -801,7 +903,8 @@ static pm_status find_hidden(hidden_search *s) {
     // A better model may tell otherwise.
     PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
     PM_TRY(try_again(s, false));
-    return leave_out(s);
+    PM_TRY(leave_out(s));
+    return try_whole(s);
 }
 
 // Returns the name of the column of this identifier.
@@ -918,9 +1021,12 @@ static void print_trials(const hidden_search *s, FILE *f) {
             }
         }
         fputs(any ? "" : "as units and regressions say", f);
-        fputs(s->lean[i]      ? ", without what the data do not need"
-              : is_twin(s, i) ? ", begun anew"
-                              : "",
+        const bool whole = s->whole > 0 && i >= s->whole;
+        fputs(s->lean[i] ? ", without what the data do not need" : "", f);
+        fputs(whole                          ? ", whole records"
+              : s->lean[i] || !is_twin(s, i) ? ""
+              : s->found[i] == NULL          ? ", begun anew"
+                                             : ", begun where another trial ended",
               f);
         const pm_search_trial *t = &s->trial[i];
         if (t->failed) {
@@ -1050,7 +1156,8 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     if (pm_logger_is_measured(&draft.view)) {
         draft.found = search->start;
         draft.lean = draft.found != NULL && search->lean[search->best];
-        draft.ended = draft.found != NULL && error_of(search, search->best) < SMALL_ERROR;
+        draft.ended = draft.found != NULL && (error_of(search, search->best) < SMALL_ERROR ||
+                                              (search->whole > 0 && search->best >= search->whole));
     }
     describe(&draft.view, draft.lean ? draft.found : NULL);
     name_inputs(&draft.view);

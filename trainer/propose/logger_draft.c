@@ -444,7 +444,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             char bath[PM_LOGGER_TEXT];
             const bool through = takes_heat(v, u, -1, bath);
             fprintf(f, "  %s_source:\n    x: {unit: \"J/(%s)\", dE: [\"%s\"]%s, hold: %s}\n",
-                    input->name, unit, input->source, through ? ", dS: [0]" : "", hold);
+                    input->name, unit, input->source,
+                    through || strlen(groups) > 1 ? ", dS: [0]" : "", hold);
             if (strlen(groups) > 1) {
                 fprintf(f, "    s: {unit: J/K, dE: %s, dS: [1]}\n", bath);
             }
@@ -869,8 +870,9 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                                     action->effect == PM_LOGGER_THROUGH ||
                                     action->effect == PM_LOGGER_COOLS;
             const bool shifts = action->effect == PM_LOGGER_COOLS && action->enters == 0;
+            const bool current = pm_logger_is_current(v, action);
             if (action->input != input || y->part != part ||
-                (loses_some != lossy && !(shifts && !lossy))) {
+                (loses_some != lossy && !(shifts && !lossy) && !current)) {
                 continue;
             }
             snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
@@ -883,6 +885,17 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 continue;
             }
             char power[4 * PM_LOGGER_LONG_TEXT] = "";
+            if (current) {
+                char lost[PM_LOGGER_LONG_TEXT], carried[PM_LOGGER_LONG_TEXT];
+                pm_logger_write_current(w, carried, lost, sizeof lost, both, action);
+                if (lossy) {
+                    fprintf(w->model, "[b.x, %s, \"%s\"]", x, lost);
+                } else {
+                    fprintf(w->model, "[%s, b.x, \"%s\"], [b.s, b.x, \"-(%s)\"]", x, carried,
+                            carried);
+                }
+                continue;
+            }
             if (action->effect == PM_LOGGER_WARMS) {
                 pm_logger_write_power(w, power, sizeof power, both, action);
             }

@@ -1139,17 +1139,45 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
     }
 }
 
+// Returns the cell of which the input of an action is the current, if the action warms it; or NULL.
+static const pm_logger_column *warmed_cell(const pm_logger_view *v,
+                                           const pm_logger_action *action) {
+    const pm_logger_column *cell = NULL;
+    for (int c = 0; c < v->nvariable; ++c) {
+        const pm_logger_column *y = &v->column[c];
+        const bool own = y->seen != NULL && y->current == v->column[action->input].id &&
+                         action->target == v->thermometer[y->part];
+        cell = own ? y : cell;
+    }
+    return cell;
+}
+
+bool pm_logger_is_current(const pm_logger_view *v, const pm_logger_action *action) {
+    const pm_unit ampere = pm_unit_parse("A");
+    return action->effect == PM_LOGGER_WARMS && warmed_cell(v, action) == NULL &&
+           pm_unit_equal(&v->column[action->input].dimension, &ampere);
+}
+
+void pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
+                             const char *name, const pm_logger_action *action) {
+    const pm_logger_column *input = &w->v->column[action->input];
+    const pm_logger_column *y = &w->v->column[action->target];
+    const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
+    const double edge = SMALL * input->deviation;
+    snprintf(carried, size, "%s/%.6g", pm_logger_number(w, "carried", name, 0, gain), y->mean);
+    if (!has_constant(w, "square", name)) {
+        pm_logger_constant(w, "square", name, SMALL * gain, PM_LOGGER_OPTIONAL);
+        pm_logger_constant(w, "drop", name, SMALL * gain, PM_LOGGER_OPTIONAL);
+    }
+    snprintf(lost, size, "(square_%s/%.4g + drop_%s/sqrt(b.dE.x^2 + %.4g))*a.dE.%s", name, most,
+             name, edge * edge, y->name);
+}
+
 void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
                            const pm_logger_action *action) {
     const pm_logger_column *input = &w->v->column[action->input];
-    const pm_logger_column *cell = NULL;
+    const pm_logger_column *cell = warmed_cell(w->v, action);
     const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
-    for (int c = 0; c < w->v->nvariable; ++c) {
-        const pm_logger_column *y = &w->v->column[c];
-        const bool own = y->seen != NULL && y->current == input->id &&
-                         action->target == w->v->thermometer[y->part];
-        cell = own ? y : cell;
-    }
     if (cell == NULL && input->least >= 0) {
         pm_logger_constant(w, "gain", name, gain, "");
         snprintf(text, size, "gain_%s", name);

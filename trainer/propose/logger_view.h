@@ -86,6 +86,11 @@ static inline bool pm_logger_hides(pm_logger_guess guess) {
     return guess > PM_LOGGER_COMPLETE && guess <= PM_LOGGER_BESIDE;
 }
 
+// Returns true if a guess is another one with a further law.
+static inline bool pm_logger_adds(pm_logger_guess guess, pm_logger_guess other) {
+    return guess == PM_LOGGER_SPILLED && other == PM_LOGGER_FED;
+}
+
 typedef struct pm_logger_column {
     const char *name;   // of a group of the scene
     const char *source; // column of the dataset; NULL: nobody measures it
