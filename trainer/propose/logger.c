@@ -718,7 +718,9 @@ static pm_status try_again(hidden_search *s, bool turn) {
     const bool likelier =
         s->most == 0 ? error_of(s, from) < error_of(s, before)
                      : s->trial[from].score.misfit < s->trial[before].score.misfit - LIKELIER;
-    if (!s->trial[from].failed && likelier) {
+    // A fit whose time was over in short windows is likely, whatever it predicts.
+    const bool as_good = error_of(s, from) < HARDLY_WORSE * error_of(s, before);
+    if (!s->trial[from].failed && likelier && as_good) {
         s->best = from;
     }
     return PM_OK;

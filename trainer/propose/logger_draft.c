@@ -870,32 +870,33 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                                     action->effect == PM_LOGGER_THROUGH ||
                                     action->effect == PM_LOGGER_COOLS;
             const bool shifts = action->effect == PM_LOGGER_COOLS && action->enters == 0;
-            const bool current = pm_logger_is_current(v, action);
-            if (action->input != input || y->part != part ||
-                (loses_some != lossy && !(shifts && !lossy) && !current)) {
+            char carried[PM_LOGGER_LONG_TEXT], lost[PM_LOGGER_LONG_TEXT];
+            if (action->input != input || y->part != part) {
                 continue;
             }
             snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
             snprintf(x, sizeof x, "a.%.40s", y->name);
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
+            const bool current =
+                pm_logger_write_current(w, carried, lost, sizeof lost, both, action);
+            if (loses_some != lossy && !(shifts && !lossy) && !current) {
+                continue;
+            }
             fputs(some ? ", " : first, w->model);
             some = true;
             if (shifts && !lossy) {
                 write_shift(w, both, y->name, action->gain);
                 continue;
             }
-            char power[4 * PM_LOGGER_LONG_TEXT] = "";
-            if (current) {
-                char lost[PM_LOGGER_LONG_TEXT], carried[PM_LOGGER_LONG_TEXT];
-                pm_logger_write_current(w, carried, lost, sizeof lost, both, action);
-                if (lossy) {
-                    fprintf(w->model, "[b.x, %s, \"%s\"]", x, lost);
-                } else {
-                    fprintf(w->model, "[%s, b.x, \"%s\"], [b.s, b.x, \"-(%s)\"]", x, carried,
-                            carried);
-                }
+            if (current && lossy) {
+                fprintf(w->model, "[b.x, %s, \"%s\"]", x, lost);
                 continue;
             }
+            if (current) {
+                fprintf(w->model, "[%s, b.x, \"%s\"], [b.s, b.x, \"-(%s)\"]", x, carried, carried);
+                continue;
+            }
+            char power[4 * PM_LOGGER_LONG_TEXT] = "";
             if (action->effect == PM_LOGGER_WARMS) {
                 pm_logger_write_power(w, power, sizeof power, both, action);
             }

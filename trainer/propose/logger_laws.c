@@ -1152,15 +1152,14 @@ static const pm_logger_column *warmed_cell(const pm_logger_view *v,
     return cell;
 }
 
-bool pm_logger_is_current(const pm_logger_view *v, const pm_logger_action *action) {
-    const pm_unit ampere = pm_unit_parse("A");
-    return action->effect == PM_LOGGER_WARMS && warmed_cell(v, action) == NULL &&
-           pm_unit_equal(&v->column[action->input].dimension, &ampere);
-}
-
-void pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
+bool pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
                              const char *name, const pm_logger_action *action) {
     const pm_logger_column *input = &w->v->column[action->input];
+    const pm_unit ampere = pm_unit_parse("A");
+    if (action->effect != PM_LOGGER_WARMS || warmed_cell(w->v, action) != NULL ||
+        !pm_unit_equal(&input->dimension, &ampere)) {
+        return false;
+    }
     const pm_logger_column *y = &w->v->column[action->target];
     const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
     const double edge = SMALL * input->deviation;
@@ -1171,6 +1170,7 @@ void pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, siz
     }
     snprintf(lost, size, "(square_%s/%.4g + drop_%s/sqrt(b.dE.x^2 + %.4g))*a.dE.%s", name, most,
              name, edge * edge, y->name);
+    return true;
 }
 
 void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,

@@ -143,14 +143,11 @@ static inline void pm_logger_cell_current(char *text, size_t size, const pm_logg
              cell->name, x, x);
 }
 
-// Returns true if an input is an electric current that warms or cools a temperature, and not that
-// of a cell. Such a current carries entropy, so that one direction may cool (Peltier), and loses
-// power in a resistance and in a drop of voltage.
-bool pm_logger_is_current(const pm_logger_view *v, const pm_logger_action *action);
-
-// Writes the entropy that a unit of such a current carries, and the strength of the loss (port end
-// b has the current), each a text [size].
-void pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
+// Writes, if an input is an electric current that warms or cools a temperature, the entropy that a
+// unit of it carries, so that one direction may cool (Peltier), and the strength of its loss in a
+// resistance and in a drop of voltage. Returns false if it is none, or that of a cell. The texts
+// have `size`; end b of the port has the current.
+bool pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
                              const char *name, const pm_logger_action *action);
 
 // Writes to `text` the heat with which an input warms a temperature, divided by the input. An input
