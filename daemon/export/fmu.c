@@ -72,7 +72,8 @@ static const char *const fluxes[4] = {"energy_flux_a", "entropy_flux_a", "energy
 // The value references of an FMU (fmi/fmi3.c). Each member is the reference of the first variable
 // of its kind; the others follow it. The reference 0 is the time.
 typedef struct fmu_references {
-    int state, derivative, input, energy, entropy, flux, slope, reaction, departure, ledger, end;
+    int state, derivative, input, energy, entropy, flux, slope, reaction, departure, ledger, guard;
+    int end;
 } fmu_references;
 
 // The kinds of variables.
@@ -320,6 +321,34 @@ static void write_nominals(FILE *file, const void *context) {
     }
 }
 
+// Return the guards of the scene; INFINITY: it has none. A system without an energy has no ledger.
+static double range_guard(const fmu_writer *w) {
+    return w->scene->run.largest_departure;
+}
+
+static double energy_guard(const fmu_writer *w) {
+    return pm_system_without_energy(w->setup->system) < 0 ? w->scene->run.largest_drift : INFINITY;
+}
+
+// Returns a limit as a number of C.
+static const char *limit(const fmu_writer *w, double value) {
+    return isfinite(value) ? pm_arena_printf(w->arena, "%.17g", value) : "HUGE_VAL";
+}
+
+// Writes a sentence about each guard of the scene.
+static void write_guards(FILE *file, const void *context) {
+    const double range = range_guard(context), energy = energy_guard(context);
+    if (isfinite(range)) {
+        fprintf(file, " A step that ends further than %.4g outside fails.", range);
+    }
+    if (isfinite(energy)) {
+        fprintf(file, " A step after which energy_change is larger than %.4g J fails.", energy);
+    }
+    if (isfinite(range) || isfinite(energy)) {
+        fputs(" <code>guard_used</code> approaches 1 before.", file);
+    }
+}
+
 // Sets a variable and returns it, so that more can be said of it.
 static variable *add(fmu_writer *w, int reference, int kind, const char *name, const char *unit) {
     variable *v = &w->variable[reference];
@@ -423,6 +452,10 @@ static pm_status add_variables(fmu_writer *w) {
     for (int i = 0; i < LEDGER && pm_system_without_energy(w->setup->system) < 0; ++i) {
         add(w, r->ledger + i, CALCULATED, ledger[i].name, ledger[i].unit)->description =
             driven ? ledger[i].of_driven : ledger[i].description;
+    }
+    if (isfinite(range_guard(w)) || isfinite(energy_guard(w))) {
+        add(w, r->guard, CALCULATED, "guard_used", "1")->description =
+            "part of the scene's guards that is used: a step that ends beyond 1 fails";
     }
     int position = 1; // the time is the first one
     for (int i = 1; i < r->end; ++i) {
@@ -538,7 +571,7 @@ static void mark(const fmu_writer *w, int unknown, bool *known) {
     if (unknown >= r->departure) {
         memset(known + r->state, true, (size_t)physics->nz * sizeof *known);
         for (int i = r->input; i < r->energy; ++i) {
-            known[i] = unknown == r->end - 1 && w->variable[i].name != NULL;
+            known[i] = unknown == r->guard - 1 && w->variable[i].name != NULL;
         }
         return;
     }
@@ -729,8 +762,6 @@ static pm_status pack_all(fmu_writer *w) {
     const pm_physics *physics = &w->scene->physics;
     const char *const h = pm_arena_printf(w->arena, "%.17g", physics->dt / physics->substeps);
     const char *const dt = pm_arena_printf(w->arena, "%.17g", physics->dt);
-    const double guard = w->scene->run.largest_departure;
-    const bool guarded = isfinite(guard);
     const char *outside = ""; // numbers of the energy fluxes into it
     for (int i = 0; i < 2 * physics->nport && outside != NULL; ++i) {
         if (physics->port[i / 2].boundary_input[i % 2] >= 0) {
@@ -756,12 +787,9 @@ static pm_status pack_all(fmu_writer *w) {
         {"%NOMINALS%", .write = write_nominals, .context = w},
         {"%AUTHOR%", .write = write_author, .context = w},
         {"%ROWS%", .write = write_rows, .context = w},
-        {"%GUARD%", .text = guarded ? pm_arena_printf(w->arena, "%.17g", guard) : "HUGE_VAL"},
-        {"%GUARD_TEXT%",
-         .text = guarded
-                     ? pm_arena_printf(w->arena,
-                                       " A step that ends further than %.4g outside fails.", guard)
-                     : ""},
+        {"%RANGE_GUARD%", .text = limit(w, range_guard(w))},
+        {"%ENERGY_GUARD%", .text = limit(w, energy_guard(w))},
+        {"%GUARD_TEXT%", .write = write_guards, .context = w},
         {"%IF_PORTS%", .text = physics->nport > 0 ? "" : NULL},
         {"%TERMINALS%", .write = write_terminals, .context = w},
     };
@@ -854,7 +882,8 @@ static pm_status open_writer(fmu_writer *w) {
     r->reaction = r->slope + 2 * physics->nz;
     r->departure = r->reaction + physics->nprescribed / 3;
     r->ledger = r->departure + 1;
-    r->end = r->ledger + LEDGER;
+    r->guard = r->ledger + LEDGER;
+    r->end = r->guard + 1;
     PM_TRY(pm_scene_variable_names(&w->names, w->scene, w->arena));
     w->first = pm_arena_array(w->arena, (size_t)physics->nprescribed, sizeof *w->first);
     PM_TRY(pm_arena_status(w->arena, OUT_OF_MEMORY));

@@ -47,6 +47,23 @@ for name in double_pendulum driven_lower; do
         "$folder/second/sources/fmi2.c" "$folder/second/sources/$name.c" -lm || fail "$name: FMI 2.0 does not compile"
     python3 -B "$here/compare_versions.py" "$folder/second" "$folder/$name" || fail "$name: FMI 2.0"
 done
+# Guards of a scene, whose energy drifts with a poor integrator.
+# guarded NAME GUARDS OPTION...: the FMU NAME of the scene with these guards.
+guarded() {
+    name=$1 guards=$2
+    shift 2
+    sed "s|weights/|$PWD/configs/weights/|; s|reference/|$PWD/configs/reference/|; s/rk4/euler/; s|^reference:|$guards\n&|" \
+        configs/double_pendulum.yaml >"$folder/guarded.yaml"
+    "$portmetd" export "$folder/guarded.yaml" "$@" -o "$folder/$name.fmu" --quiet || fail "$name"
+    (mkdir "$folder/$name" && cd "$folder/$name" && cmake -E tar xf "../$name.fmu") || fail "$name.fmu is no archive"
+}
+guarded unguarded ""
+guarded drift "guards: {energy_drift: 0.03}"
+guarded drift2 "guards: {energy_drift: 0.03}" --fmi 2
+guarded range "guards: {training_range: 0.2}"
+python3 -B "$here/check_guard.py" "$folder/drift" "$folder/unguarded" inf 0.03 1 || fail "a guard of the energy"
+python3 -B "$here/check_guard.py" "$folder/range" "$folder/unguarded" 0.2 inf 1.4 || fail "a guard of the range"
+python3 -B "$here/compare_versions.py" "$folder/drift2" "$folder/drift" || fail "a guard: FMI 2.0"
 "$portmetd" export configs/double_pendulum.yaml --fmi 1 -o "$folder/first.fmu" >"$folder/out" 2>&1
 [ $? -eq 2 ] || fail "FMI 1"
 
@@ -96,7 +113,8 @@ rm -f "$folder/out"
 # What the standard asks of the descriptions.
 for python in python3 /usr/bin/python3; do
     command -v "$python" >/dev/null || continue
-    "$python" "$here/check_description.py" "$folder/double_pendulum" "$folder/beam" "$folder/driven_lower" ||
+    "$python" "$here/check_description.py" "$folder/double_pendulum" "$folder/beam" "$folder/driven_lower" \
+        "$folder/range" ||
         fail "a description"
     break
 done

@@ -2,7 +2,8 @@
 // An exported scene as an FMU, for Model Exchange and Co-Simulation (FMI 3.0.1). model.h names the
 // scene and says which value references its variables have: 0 is the time; then come the states,
 // their derivatives, the inputs, the energies, the entropies, the fluxes, the co-energies dE and
-// dS, the reactions, the distance to the range of the training, and the ledger. All are Float64.
+// dS, the reactions, the distance to the range of the training, the ledger, and how much of the
+// scene's guards is used. All are Float64.
 #include "fmi3.h"
 
 #include <math.h>
@@ -40,6 +41,7 @@ enum {
     ENERGY_CHANGE,
     ENTROPY_PRODUCED,
     POWER_RESIDUAL,
+    GUARD_USED,
     END
 };
 
@@ -262,6 +264,20 @@ static double *result_of(SCENE(_results) * results, fmi3ValueReference r) {
                                       : NULL;
 }
 
+// Returns the change of the energy, J, or of the entropy, J/K, since the start, with what left to
+// the outside. `now` are the results at this time.
+static double change_of(const instance *m, const SCENE(_results) * now, int is_entropy) {
+    const double all = total(is_entropy ? now->entropy : now->energy);
+    return m->now.phase < EVENT ? 0
+                                : all + m->now.scene.left[is_entropy] - m->now.first[is_entropy];
+}
+
+// Returns which part of the scene's guard of the energy is used. In Model Exchange nobody counts
+// what leaves to the outside.
+static double energy_guard_used(const instance *m, const SCENE(_results) * now) {
+    return m->co_simulation || INPUTS == 0 ? fabs(change_of(m, now, 0)) / MODEL_ENERGY_GUARD : 0;
+}
+
 // Returns where the value of a reference is; NULL: there is no such reference.
 static double *value_of(instance *m, fmi3ValueReference r) {
     if (r == 0) {
@@ -282,9 +298,13 @@ static double *value_of(instance *m, fmi3ValueReference r) {
         m->known = true;
     }
     if (r == ENERGY_CHANGE || r == ENTROPY_PRODUCED) { // with what left to the outside
-        const int k = r == ENTROPY_PRODUCED;
-        m->other = total(k ? m->results.entropy : m->results.energy) + m->now.scene.left[k];
-        m->other = m->now.phase < EVENT ? 0 : m->other - m->now.first[k];
+        m->other = change_of(m, &m->results, r == ENTROPY_PRODUCED);
+        return &m->other;
+    }
+    if (r == GUARD_USED) {
+        const double widths = SCENE(_departure)(m->now.scene.z);
+        m->other = fmax(widths > 0 ? widths / MODEL_RANGE_GUARD : 0, // a guard may be 0
+                        energy_guard_used(m, &m->results));
         return &m->other;
     }
     if (r == POWER_RESIDUAL) { // rate of the energy of all parts and of the outside
@@ -374,16 +394,28 @@ static double departure_slope(const instance *m, const double dz[]) {
     return step > 0 ? (SCENE(_departure)(z) - SCENE(_departure)(m->now.scene.z)) / step : 0;
 }
 
+// Returns the slope of the used part of the guards: that of the guard of which more is used. `d`
+// are the derivatives along dz.
+static double guard_slope(instance *m, const double dz[], const SCENE(_results) * d) {
+    const double used = *value_of(m, GUARD_USED), slope = total(d->energy) / MODEL_ENERGY_GUARD;
+    const double change = change_of(m, &m->results, 0);
+    return !(used > 0) || !isfinite(used)             ? 0
+           : energy_guard_used(m, &m->results) < used ? departure_slope(m, dz) / MODEL_RANGE_GUARD
+           : change < 0                               ? -slope
+                                                      : slope;
+}
+
 // Writes the derivative of an output from what differentiate has computed. Returns false if the
 // reference is none. The residual of power is zero everywhere, but for rounding.
-static bool derivative_of(const instance *m, const double dz[], SCENE(_results) * d,
-                          fmi3ValueReference r, double *value) {
+static bool derivative_of(instance *m, const double dz[], SCENE(_results) * d, fmi3ValueReference r,
+                          double *value) {
     const double *result =
         r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE) : result_of(d, r);
     *value = result != NULL          ? *result
              : r == DEPARTURE        ? departure_slope(m, dz)
              : r == ENERGY_CHANGE    ? total(d->energy)
              : r == ENTROPY_PRODUCED ? total(d->entropy)
+             : r == GUARD_USED       ? guard_slope(m, dz, d)
                                      : 0;
     return result != NULL || (r >= DEPARTURE && r < END);
 }
@@ -578,10 +610,16 @@ fmi3Status fmi3DoStep(fmi3Instance i, fmi3Float64 point, fmi3Float64 length, fmi
             return refuse(i, "fmi3DoStep: a state became infinite: the step is too long for it");
         }
     }
-    if (SCENE(_departure)(m->now.scene.z) > MODEL_GUARD) {
+    if (SCENE(_departure)(m->now.scene.z) > MODEL_RANGE_GUARD) {
         m->now = before;
         return refuse(i, "fmi3DoStep: the state is further outside the training range than the "
                          "scene's guard allows");
+    }
+    if (MODEL_ENERGY_GUARD < HUGE_VAL && fabs(*value_of(m, ENERGY_CHANGE)) > MODEL_ENERGY_GUARD) {
+        m->now = before;
+        m->known = false;
+        return refuse(i, "fmi3DoStep: the total energy has drifted by more than the scene's guard "
+                         "allows");
     }
     *last = point + length;
     return fmi3OK;
