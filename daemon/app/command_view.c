@@ -308,23 +308,28 @@ typedef struct recording_reader {
     int *at;       // [most] position in a frame of each member of a range; -1: none
 } recording_reader;
 
-// Adds the series `name`, which has one number for each sample, to the numbers at position `at` of
-// all frames. Without the series they become NaN: a recording need not have every number.
+// Reads the series `name`, which has one number for each sample, into memory that the caller frees.
+// Without the series *value is NULL: a recording need not have every number.
+static pm_status read_series(const recording_reader *r, const char *name, double **value) {
+    int rows = 0;
+    if (!pm_hdf5_has(r->file, name)) {
+        return PM_OK;
+    }
+    PM_TRY(pm_hdf5_shape(r->file, name, 1, &rows));
+    if (rows < r->rows) {
+        return pm_fail(PM_EFILE, "%s: %s has %d samples, expected %d", r->path, name, rows,
+                       r->rows);
+    }
+    *value = calloc((size_t)rows, sizeof **value);
+    return *value == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", r->path)
+                          : pm_hdf5_read(r->file, name, 1, &rows, *value);
+}
+
+// Adds a series to the numbers at position `at` of all frames. Without it they become NaN.
 static pm_status add_series(const recording_reader *r, const char *name, int at) {
     const view_history *h = &r->view->history;
-    int rows = 0;
     double *value = NULL;
-    pm_status status = PM_OK;
-    if (pm_hdf5_has(r->file, name)) {
-        PM_TRY(pm_hdf5_shape(r->file, name, 1, &rows));
-        if (rows < r->rows) {
-            return pm_fail(PM_EFILE, "%s: %s has %d samples, expected %d", r->path, name, rows,
-                           r->rows);
-        }
-        value = calloc((size_t)rows, sizeof *value);
-        status = value == NULL ? pm_fail(PM_ENOMEM, "%s: out of memory", r->path)
-                               : pm_hdf5_read(r->file, name, 1, &rows, value);
-    }
+    const pm_status status = read_series(r, name, &value);
     for (int i = 0; i < h->count && status == PM_OK; ++i) {
         frame_at(h, i)[at] += value == NULL ? (double)NAN : value[(long)i * r->stride];
     }
@@ -411,6 +416,27 @@ static pm_status add_states(const recording_reader *r, const pm_recorded_familie
     return PM_OK;
 }
 
+// Counts up to each frame the samples in which a residual is beyond the tolerance of its law.
+static pm_status count_violations(const recording_reader *r) {
+    const pm_run *run = &r->view->scene->run;
+    double *energy = NULL, *entropy = NULL, count = 0;
+    pm_status status;
+    PM_TRY_DONE(read_series(r, "/ledger/energy_residual", &energy));
+    PM_TRY_DONE(read_series(r, "/ledger/entropy_residual", &entropy));
+    for (int i = 0; i < r->rows; ++i) {
+        count += energy == NULL || entropy == NULL   ? (double)NAN
+                 : energy[i] > run->energy_tolerance ? 1
+                                                     : -entropy[i] > run->entropy_tolerance;
+        if (i % r->stride == 0) {
+            frame_at(&r->view->history, i / r->stride)[VIOLATIONS] = count;
+        }
+    }
+done:
+    free(energy);
+    free(entropy);
+    return status;
+}
+
 // Reads all samples of the recording, or as many as the history keeps, evenly spread. PM_EFILE: the
 // file cannot be read, or is no recording of this scene. PM_ENOMEM.
 static pm_status read_recording(view *v) {
@@ -469,9 +495,9 @@ static pm_status read_recording(view *v) {
     for (int i = 0; i < h->count; ++i) {
         double *frame = frame_at(h, i);
         frame[STEP] = round(frame[TIME] / scene->physics.dt);
-        frame[VIOLATIONS] = NAN; // no series has their number
         frame[SEEN] = 1 + (double)i * (whole ? r.stride : 1);
     }
+    PM_TRY_DONE(count_violations(&r));
     PM_TRY_DONE(add_components(&r, &families));
     PM_TRY_DONE(add_states(&r, &families));
     for (int i = 0; i < h->count; ++i) { // what the frame shows is within

@@ -404,19 +404,19 @@ function makePanel(section) {
     return e;
   };
   panel.total = section.dataset.kind === "energy" || section.dataset.kind === "entropy" ? section.dataset.kind : null;
+  const tools = make("div", {className: "tools"}, section);
   if (!panel.total) {
-    const tools = make("div", {className: "tools"}, section);
     panel.choice = make("select", {ariaLabel: "what the curves show"}, make("h2", {}, tools));
     panel.choice.onchange = () => { dirty = true; };
     make("small", {className: "since"}, tools);
-    for (const [name, save] of [["Whole run", () => { zoom = null; }], ["CSV", () => saveCsv(panel)], ["PNG", () => savePng(panel)]]) {
-      make("button", {type: "button", textContent: name, ariaLabel: name + ", " + section.getAttribute("aria-label")}, tools)
-        .onclick = () => { save(); dirty = true; };
-    }
-    make("canvas", {}, section);
-    make("output", {className: "values"}, section);
-    panel.legend = make("div", {className: "legend"}, section);
   }
+  for (const [name, save] of [["Whole run", () => { zoom = null; }], ["CSV", () => saveCsv(panel)], ["PNG", () => savePng(panel)]]) {
+    make("button", {type: "button", textContent: name, ariaLabel: name + ", " + section.getAttribute("aria-label")}, tools)
+      .onclick = () => { save(); dirty = true; };
+  }
+  make("canvas", {className: panel.total ? "low" : ""}, section);
+  make("output", {className: "values"}, section);
+  if (!panel.total) panel.legend = make("div", {className: "legend"}, section);
   panel.canvas = section.querySelector("canvas");
   panel.canvas.tabIndex = 0;
   panel.canvas.setAttribute("role", "img");

@@ -192,7 +192,7 @@ client listen scene
 expect "[s['name'].split('.')[0] for s in m['states']] == sorted(s['name'].split('.')[0] for s in m['states'])"
 expect "m['states'][0]['name'].startswith('left.') and m['states'][0]['unit'] != ''"
 client listen frame
-expect "m['step'] == 0 and m['violations'] is None and m['seen'] == 1"
+expect "m['step'] == 0 and m['violations'] == 0 and m['seen'] == 1"
 python3 -c 'import h5py' 2>/dev/null && {
     client last
     python3 -c 'import h5py, json, sys
@@ -202,7 +202,18 @@ sys.exit(len(z) != len(found) or any(abs(a - b) > 1e-12 * abs(a) for a, b in zip
         "$folder/client.out" "$folder/plain.h5" || fail "the states of the last frame"
 }
 wait_until shows_step 30 || fail "the last frame of the recording never came"
-expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0]))"
+expect "abs(sum(m['parts'][0]) - m['energy']) <= 1e-12 * sum(map(abs, m['parts'][0])) and m['violations'] == 0"
+
+# Violations of a recording are counted from its residuals.
+sed 's/^scene:.*/&\nlaws: {energy: 0, entropy: 1.0}/' "$scene" >"$folder/exact.yaml"
+start exact view "$folder/exact.yaml" --recording "$folder/plain.h5" --port 8083
+port=8083
+wait_until serves exact || fail "exact: no page"
+wait_until shows_step 30 || fail "exact: the last frame never came"
+expect "0 < m['violations'] <= 30"
+kill -TERM $pid
+ends exact $pid 12 "interrupted"
+port=8081
 
 # --- a large scene, of which a run records some parts ---
 cat >"$folder/many.yaml" <<END
@@ -253,6 +264,9 @@ if command -v chromium >/dev/null; then
     grep -q 'class="value[a-z ]*">[0-9.]* [a-zµ]*W</text>' "$folder/page" || fail "the browser shows no power"
     grep -q '<option value="state ' "$folder/page" || fail "the browser offers no states"
     grep -q 'aria-label="Energies over time, 2 curves"' "$folder/page" || fail "the browser draws no energies"
+    for panel in "first law" "second law" "curves, first panel"; do
+        grep -q "<button type=\"button\" aria-label=\"CSV, $panel\">" "$folder/page" || fail "the browser saves no $panel"
+    done
     grep -q 'role="button" aria-pressed="false" aria-label="left, ' "$folder/page" || fail "no node for the keyboard"
 else
     echo "no chromium here: the page is not drawn"
