@@ -2,6 +2,7 @@
 import contextlib
 import copy
 import importlib.metadata
+import inspect
 import io
 import os
 import re
@@ -17,6 +18,31 @@ import unittest
 import numpy
 
 import portmet
+
+
+class Types(unittest.TestCase):
+    def test_all_is_typed(self):
+        """Every argument and every result of what the package offers has a type."""
+        for name in portmet.__all__:
+            offered = getattr(portmet, name)
+            parts = vars(offered).items() if isinstance(offered, type) else [("", offered)]
+            for part, function in parts:
+                function = getattr(function, "fget", function)
+                if not inspect.isfunction(function) or (part[:1] == "_" and part not in ("__init__", "__getitem__")):
+                    continue
+                signature = inspect.signature(function)
+                untyped = [p.name for p in signature.parameters.values() if p.name != "self" and p.annotation is p.empty]
+                self.assertEqual(untyped, [], f"{name}.{part}")
+                self.assertIsNot(signature.return_annotation, signature.empty, f"{name}.{part}")
+
+    @unittest.skipUnless(shutil.which("mypy"), "mypy is not installed")
+    def test_mypy(self):
+        package = os.path.dirname(portmet.__file__)
+        modules = sorted(os.path.join(package, name) for name in os.listdir(package) if name.endswith(".py"))
+        with tempfile.TemporaryDirectory() as folder:
+            run = subprocess.run(["mypy", "--strict", "--ignore-missing-imports", "--follow-imports=silent",
+                                  "--allow-subclassing-any", "--cache-dir", folder, *modules], capture_output=True, text=True)
+        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
 
 
 class Scenes(unittest.TestCase):
@@ -346,6 +372,47 @@ class Files(unittest.TestCase):
                               fmt="%.17g", header=",".join(["t", *data.columns]))
             scores = portmet.evaluate("configs/double_pendulum.yaml", data=tables).errors
             self.assertEqual(scores["q"].tolist(), 2 * [found.errors["q"][0]])
+
+    def test_estimate(self):
+        text = ("scene: tea\ntime: {dt: 5.0, steps: 40, integrator: rk4}\n"
+                "models:\n  cup: {constants: {C: 800.0}, energy: ['293*C*(exp(s/C) - 1)'], entropy: {given: s}}\n"
+                "  room: {constants: {C: 1500.0}, energy: ['293*C*(exp(s/C) - 1)'], entropy: {given: s}}\n"
+                "  heat: {law: bracket, constants: {K: 2.0}, irreversible: {given: [[a.s, b.s, 'K*b.dE.s/a.dE.s']]}}\n"
+                "subsystems:\n  cup: {model: cup, state: {s: {unit: J/K, size: 1, hidden: {guess: 120.0, deviation: 80.0}}}}\n"
+                "  room: {model: room, state: {s: {unit: J/K, size: 1, hidden: {deviation: 2.0}}}}\n"
+                "ports:\n  heat: {law: bracket, between: [cup, room], expose: {cup: s, room: s}, model: heat}\n"
+                "observations: {T: 'cup.dE.s'}\n")
+        times = numpy.cumsum(4 + numpy.arange(150) % 3.0) - 4  # they are uneven
+        rate = 2 / 800 + 2 / 1500
+        with tempfile.TemporaryDirectory() as folder:
+            scene, tables = os.path.join(folder, "tea.yaml"), [os.path.join(folder, name) for name in ("a.csv", "b.csv")]
+            with open(scene, "w") as file:
+                file.write(text)
+            for table, start in zip(tables, (350.0, 340.0)):
+                end = (800 * start + 1500 * 293) / 2300
+                temperature = end + (start - end) * numpy.exp(-rate * times)
+                temperature += 0.1 * numpy.sin(1e3 * times)
+                numpy.savetxt(table, numpy.column_stack((times, temperature)), delimiter=",", comments="", header="t,T")
+            found = portmet.evaluate(scene, data=tables, estimate=300)
+            self.assertIsInstance(found, portmet.Estimate)
+            self.assertEqual((found.seconds, found.trajectories, found.columns), (300.0, [0, 1], ["T"]))
+            self.assertEqual((found.components, found.states.shape), (["cup.s", "room.s"], (2, 150, 2)))
+            self.assertEqual(found.truth.shape, found.prediction.shape)
+            numpy.testing.assert_allclose(found.t[1], times)
+            later = times > 300
+            for i in range(2):
+                truth, prediction = found.truth[i, :, 0], found.prediction[i, :, 0]
+                expected = numpy.sqrt(numpy.mean((prediction - truth)[later] ** 2)) / numpy.std(truth)
+                self.assertAlmostEqual(found.errors["T"][i], expected, delta=0.1 * expected)
+                self.assertLess(found.errors["T"][i], 0.02)
+            self.assertIn("T  ", str(found))
+            self.assertIsNone(found.deviation)
+            self.assertFalse(found.violates)
+            with contextlib.suppress(ImportError):
+                import matplotlib  # noqa: F401
+                self.assertEqual(len(found.plot().axes[0].collections), 0)
+                found.deviation = numpy.full_like(found.prediction, 0.1)
+                self.assertEqual(len(found.plot(trajectory=1).axes[0].collections), 1)
 
     def test_ranges_of_columns(self):
         data = portmet.Dataset("configs/reference/beam_solid.h5")

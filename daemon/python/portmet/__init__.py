@@ -15,8 +15,8 @@ from .listener import Listener
 from .plot import plot
 from .remote import Remote
 from .scene import Part, Scene
-from .train import Evaluation, Fit, Proposal, evaluate, fit, import_tables, propose
+from .train import Estimate, Evaluation, Fit, Proposal, evaluate, fit, import_tables, propose
 
 __version__ = version()
-__all__ = ["Dataset", "Error", "Evaluation", "Fit", "Fleet", "Listener", "Part", "Proposal", "Recording", "Remote", "Scene", "Weights",
-           "evaluate", "fit", "import_tables", "plot", "propose", "version"]
+__all__ = ["Dataset", "Error", "Estimate", "Evaluation", "Fit", "Fleet", "Listener", "Part", "Proposal", "Recording", "Remote",
+           "Scene", "Weights", "evaluate", "fit", "import_tables", "plot", "propose", "version"]

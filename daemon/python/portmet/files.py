@@ -60,8 +60,8 @@ def _expand(names: str) -> list[str]:
 
 @public
 class Dataset:
-    """Trajectories: z [trajectory][time][column], t [time] (s), dt (s), the names of the columns, the
-    rates zdot or None, and notes (trainer/DATASET.md)."""
+    """Trajectories: z [trajectory][time][column], t [time] or [trajectory][time] (s), dt (s; NaN: the times
+    are uneven), the names of the columns, the rates zdot or None, and notes (trainer/DATASET.md)."""
 
     def __init__(self, path: Path | None = None, *, z: ArrayLike | None = None, dt: float | None = None,
                  columns: typing.Iterable[str] | None = None, zdot: ArrayLike | None = None,
@@ -78,7 +78,7 @@ class Dataset:
             return
         with _open(path, "a dataset") as f:
             self._file = os.stat(path)
-            self.z, self.t, self.dt = f["z"][:], f["t"][:], float(f["dt"][()])
+            self.z, self.t, self.dt = f["z"][:], f["t"][:], float(f["dt"][()]) if "dt" in f else numpy.nan
             self.zdot = f["zdot"][:] if "zdot" in f else None
             notes = {name: _text(value) for name, value in f.attrs.items()}
         self.columns = _expand(notes.pop("state_layout"))
@@ -111,7 +111,9 @@ class Dataset:
         if self.z.shape[2] != len(self.columns):
             raise UsageError(f"{self.z.shape[2]} columns, and {len(self.columns)} names")
         with _open(path, "a dataset", "w") as f:
-            f["z"], f["t"], f["dt"] = self.z, self.t, self.dt
+            f["z"], f["t"] = self.z, self.t
+            if not numpy.isnan(self.dt):
+                f["dt"] = self.dt
             if self.zdot is not None:
                 f["zdot"] = self.zdot
             f.attrs["state_layout"] = numpy.bytes_(" ".join(self.columns))
@@ -124,7 +126,9 @@ class Dataset:
         """Returns a pandas DataFrame with the index (trajectory, time)."""
         import pandas
 
-        index = pandas.MultiIndex.from_product([range(len(self.z)), self.t], names=["trajectory", "time"])
+        trajectory = numpy.repeat(numpy.arange(len(self.z)), self.z.shape[1])
+        index = pandas.MultiIndex.from_arrays([trajectory, numpy.broadcast_to(self.t, self.z.shape[:2]).ravel()],
+                                              names=["trajectory", "time"])
         return pandas.DataFrame(self.z.reshape(-1, self.z.shape[2]), index, self.columns)
 
     def to_xarray(self) -> typing.Any:
@@ -132,8 +136,11 @@ class Dataset:
         import xarray
 
         units = self.units or [""] * len(self.columns)
+        times: typing.Any = {"time": ("time", self.t, {"units": "s"})}
+        if self.t.ndim == 2:
+            times = {"t": (("trajectory", "time"), self.t, {"units": "s"})}
         return xarray.Dataset({name: (("trajectory", "time"), self[name], {"units": unit} if unit else {})
-                               for name, unit in zip(self.columns, units)}, {"time": ("time", self.t, {"units": "s"})})
+                               for name, unit in zip(self.columns, units)}, times)
 
 
 @public
@@ -241,11 +248,11 @@ class Weights:
 
     def __init__(self, path: Path) -> None:
         with _open(path, "a weights file") as f:
-            self.made = {name: _text(v) if isinstance(v, (bytes, str)) else v for name, v in f.attrs.items()}
+            self.made: dict[str, typing.Any] = {name: _text(v) if isinstance(v, (bytes, str)) else v for name, v in f.attrs.items()}
             self.kind, self.model = self.made.pop("kind"), self.made.pop("model")
             self.parameters: dict[str, Numbers] = {name: data[:] for name, data in f.get("parameters", {}).items()}
             self.trained = {name for name in self.parameters if f["parameters"][name].attrs["trained"]}
-            ends = [self._layout(f[name]) for name in ("layout", "layout_a", "layout_b") if name in f]
+            ends: list[typing.Any] = [self._layout(f[name]) for name in ("layout", "layout_a", "layout_b") if name in f]
         self.layout = ends[0] if self.kind == "subsystem" else ends
 
     @property

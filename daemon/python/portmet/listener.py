@@ -16,6 +16,9 @@ LARGEST_PIECE = 65487  # bytes of a datagram's payload
 MOST_UNFINISHED = 64  # messages of several datagrams that are kept while pieces are missing
 MOST_BYTES = 32 << 20  # of all these messages together, and so the longest message
 
+Key = typing.Tuple[typing.Any, int, int, int]  # sender, number, size and pieces of a message
+
+
 # `content` is a decoded message of portmet, or None for another type; `data` are the bytes.
 class Message(typing.NamedTuple):
     channel: str
@@ -47,7 +50,8 @@ class Listener:
         if parts.scheme != "udpm":
             raise UsageError(f"{url}: expected udpm://GROUP:PORT")
         self._types = _types()
-        self._unfinished, self._kept = {}, 0  # messages with missing pieces, and their bytes
+        self._unfinished: dict[Key, dict[int, bytes]] = {}  # messages with missing pieces
+        self._kept = 0  # bytes of these
         self._number = 0
         self.timeout = timeout
         try:
@@ -106,14 +110,14 @@ class Listener:
         while (message := self.receive(self.timeout)) is not None:
             yield message
 
-    def _decode(self, data):
+    def _decode(self, data: bytes) -> typing.Any:
         kind = self._types.get(data[:8])
         try:
             return None if kind is None else kind.decode(data)
         except (ValueError, struct.error, MemoryError, OverflowError):
             return None
 
-    def _join(self, datagram, sender):
+    def _join(self, datagram: bytes, sender: typing.Any) -> bytes | None:
         """Returns the channel and the payload of a message once all its datagrams are there."""
         if len(datagram) < 8:
             return None
@@ -137,5 +141,5 @@ class Listener:
         body = b"".join(pieces[i] for i in range(count)) if whole else b""
         return body if whole and len(body) == size else None
 
-    def _forget(self, key):
+    def _forget(self, key: Key) -> None:
         self._kept -= sum(map(len, self._unfinished.pop(key).values()))

@@ -9,7 +9,9 @@ if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .files import Numbers, Path, Recording
-    from .train import Evaluation
+    from .train import Estimate, Evaluation
+
+NINETY_PER_CENT = 1.6448536269514722  # deviations of a normal distribution
 
 
 def _figure(rows: int, height: float) -> typing.Any:
@@ -42,7 +44,8 @@ def _finish(figure: Figure, axes: typing.Any, path: Path | None) -> Figure:
 
 def _sum(series: Numbers) -> Numbers:
     """The sum over the members of a range, or the series of a single component itself."""
-    return series.reshape(len(series), -1).sum(axis=1)
+    result: Numbers = series.reshape(len(series), -1).sum(axis=1)
+    return result
 
 
 @public
@@ -77,12 +80,17 @@ def losses(history: typing.Any, path: Path | None = None) -> Figure:
     return _finish(figure, axes, path)
 
 
-def rollout(evaluation: Evaluation, trajectory: int = 0, path: Path | None = None) -> Figure:
-    """Draws the truth and the prediction of every column of one trajectory."""
-    figure, axes = _figure(len(evaluation.columns), 1 + 1.5 * len(evaluation.columns))
-    for c, (one, name) in enumerate(zip(axes, evaluation.columns)):
-        one.plot(evaluation.t, evaluation.truth[trajectory, :, c], color="0.6", linewidth=3, label="truth")
-        one.plot(evaluation.t, evaluation.prediction[trajectory, :, c], label="prediction")
+def rollout(result: Evaluation | Estimate, trajectory: int = 0, path: Path | None = None) -> Figure:
+    """Draws the truth and the prediction of every column of one trajectory, with bands where there are some."""
+    figure, axes = _figure(len(result.columns), 1 + 1.5 * len(result.columns))
+    t, deviation = result.t if result.t.ndim == 1 else result.t[trajectory], getattr(result, "deviation", None)
+    for c, (one, name) in enumerate(zip(axes, result.columns)):
+        prediction = result.prediction[trajectory, :, c]
+        one.plot(t, result.truth[trajectory, :, c], color="0.6", linewidth=3, label="truth")
+        one.plot(t, prediction, label="prediction")
+        if deviation is not None:
+            width = NINETY_PER_CENT * deviation[trajectory, :, c]
+            one.fill_between(t, prediction - width, prediction + width, alpha=0.3, label="90 %")
         one.set_ylabel(name)
     axes[-1].set_xlabel("time in s")
     return _finish(figure, axes, path)

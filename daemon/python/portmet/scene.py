@@ -102,7 +102,8 @@ class Subsystem:
         self._scene, self._number = scene, number
 
     def __getitem__(self, group: str) -> Numbers:
-        return self.state[c.look_up(self.groups, group, f"subsystem {self.name}")]
+        where: slice = c.look_up(self.groups, group, f"subsystem {self.name}")
+        return self.state[where]
 
     def __iter__(self) -> typing.Iterator[str]:
         return iter(self.groups)
@@ -201,7 +202,8 @@ class Scene:
 
         def array(which: int) -> Numbers:
             address = c.library.portmet_scene_array(handle.pointer, which, ctypes.byref(size))
-            return handle.array(address, size.value)
+            numbers: Numbers = handle.array(address, size.value)
+            return numbers
 
         self.state, self.energy, self.entropy = map(array, (c.STATE, c.ENERGY, c.ENTROPY))
         self.bulk_energy, self.bulk_entropy = map(array, (c.BULK_ENERGY, c.BULK_ENTROPY))
@@ -222,7 +224,8 @@ class Scene:
     # --- as a container of subsystems ---
 
     def __getitem__(self, name: str) -> Subsystem:
-        return c.look_up(self.subsystems, name, f"scene {self.name}")
+        found: Subsystem = c.look_up(self.subsystems, name, f"scene {self.name}")
+        return found
 
     def __iter__(self) -> typing.Iterator[str]:
         return iter(self.subsystems)

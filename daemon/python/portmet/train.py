@@ -14,7 +14,7 @@ import numpy
 
 from . import _places
 from ._library import Error, place, public
-from .files import Dataset, Weights
+from .files import Dataset, Weights, _open, _text
 
 if typing.TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,7 +29,7 @@ VIOLATED = 10  # exit code: the evaluation ended, and a law was violated
 def _run(*arguments: Path, progress: bool = False, codes: tuple[int, ...] = (0,)) -> tuple[int, str]:
     """Runs portmet-train and returns its exit code and output. Raises Error if it was refused, or was
     stopped. `progress` shows each line as it comes, and bars between them, in a terminal or a notebook."""
-    command = [place("PORTMET_TRAIN", _places.TRAINER, "portmet-train"), *map(os.fspath, arguments)]
+    command = [place("PORTMET_TRAIN", _places.TRAINER, "portmet-train"), *(os.fspath(word) for word in arguments)]
     lines: list[str] = []
     refused: list[str] = []
     width = 0  # of the bar that is shown
@@ -202,6 +202,49 @@ class Evaluation:
 
 
 @public
+class Estimate:
+    """The result of `evaluate` with `estimate`: predictions of measurements, from starts that the first `seconds`
+    of each trajectory tell. `truth` and `prediction` are arrays [trajectory][time][column] with the names
+    `columns`, at the times `t` [trajectory][time] in s, for the numbers `trajectories` of the data; NaN is where
+    nothing was measured, or predicted. `states` [trajectory][time][component] has all variables, with the names
+    `components`. `deviation` and `state_deviation` have the standard deviations of both; None: the weights do not
+    tell them. `errors` maps each column to its errors [trajectory] after the start, relative to the deviation of
+    the whole trajectory, and `residuals` to what the start leaves. `scores` is the JSON of `portmet-train
+    evaluate --estimate --json`. `violates`: as in Evaluation."""
+
+    def __init__(self, scores: dict[str, typing.Any], record: Path, truth: Numbers, violates: bool) -> None:
+        self.scores, self.violates, self.seconds = scores, violates, float(scores["estimate"])
+        self.trajectories: list[int] = scores["trajectories"]
+        with _open(record, "a record of predictions") as f:
+            self.columns, self.components = ([_text(name) for name in f.attrs[key]] for key in ("columns", "components"))
+            self.t: Numbers = f["t"][:]
+            self.prediction: Numbers = f["y"][:]
+            self.states: Numbers = f["z"][:]
+            self.deviation: Numbers | None = f["deviation"][:] if "deviation" in f else None
+            self.state_deviation: Numbers | None = f["state_deviation"][:] if "deviation" in f else None
+        self.truth: Numbers = truth[self.trajectories]
+        self.errors: dict[str, Numbers] = {
+            name: numpy.array(column["error"], dtype=float) for name, column in scores["columns"].items()}
+        self.residuals: dict[str, float] = {name: column["residual"] for name, column in scores["columns"].items()}
+
+    def plot(self, path: Path | None = None, trajectory: int = 0) -> Figure:
+        """Draws one trajectory as that of an Evaluation, with bands that nine of ten measurements lie inside."""
+        from .plot import rollout
+
+        return rollout(self, trajectory, path)
+
+    def __str__(self) -> str:
+        rows = [f"{'column':12} {'median, %':>10} {'largest, %':>10} {'residual':>10}"]
+        for name, errors in self.errors.items():
+            rows.append(f"{name:12} {100 * numpy.nanmedian(errors):10.3g} {100 * numpy.nanmax(errors):10.3g} "
+                        f"{self.residuals[name]:10.3g}")
+        return "\n".join(rows)
+
+    def __repr__(self) -> str:
+        return f"<portmet predictions of {len(self.trajectories)} trajectories from their first {self.seconds:g} s>\n{self}"
+
+
+@public
 def fit(config: Path, output: Path, *, data: Data | None = None, progress: bool | None = None,
         **options: typing.Any) -> Fit:
     """Trains the models of a training file, or of a scene with a proposal, as `portmet-train fit` does,
@@ -219,7 +262,7 @@ class Proposal:
     stands for the training file: fit(propose(...), folder)."""
 
     def __init__(self, scene: Path | None, report: str) -> None:
-        written = re.findall(r"^wrote (.*\.yaml)$", report, re.MULTILINE)
+        written: list[str] = re.findall(r"^wrote (.*\.yaml)$", report, re.MULTILINE)
         self.report = report
         self.scene = os.fspath(scene) if scene is not None else written[0]
         self.training = written[-1]
@@ -245,12 +288,19 @@ def propose(scene: Path | None = None, data: Data | None = None, output: Path | 
     return Proposal(scene, report)
 
 
+@typing.overload
+def evaluate(scene: Path, *, data: Data, estimate: None = None, **options: typing.Any) -> Evaluation: ...
+
+
+@typing.overload
+def evaluate(scene: Path, *, data: Data, estimate: float, **options: typing.Any) -> Estimate: ...
+
+
 @public
-def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
-    """Predicts the trajectories of a dataset and returns an Evaluation. With the option `estimate`, for
-    measurements, it returns the JSON of `portmet-train evaluate --estimate --json` instead."""
-    if "estimate" in options:
-        return json.loads(_run("evaluate", scene, *_options({"data": data, "json": True, **options}))[1])
+def evaluate(scene: Path, *, data: Data, estimate: float | None = None, **options: typing.Any) -> Evaluation | Estimate:
+    """Predicts the trajectories of a dataset and returns an Evaluation. With `estimate`, for measurements,
+    the start is what the first `estimate` seconds tell, and the result an Estimate. The other options are
+    those of the command, with underscores."""
     with tempfile.TemporaryDirectory() as folder:
         several = data if isinstance(data, (list, tuple)) else [data]
         given = several[0]
@@ -261,9 +311,12 @@ def evaluate(scene: Path, *, data: Data, **options: typing.Any) -> typing.Any:
             import_tables(data, given)
             truth = Dataset(given)
         record = options.pop("record", None) or os.path.join(folder, "prediction.h5")
-        code, text = _run("evaluate", scene, *_options({"data": given, "json": True, "record": record, **options}),
-                          codes=(0, VIOLATED))
-        return Evaluation(json.loads(text), truth, Dataset(record), code == VIOLATED)
+        code, text = _run("evaluate", scene, *_options({"data": given, "json": True, "record": record,
+                                                        "estimate": estimate, **options}), codes=(0, VIOLATED))
+        if estimate is None:
+            return Evaluation(json.loads(text), truth, Dataset(record), code == VIOLATED)
+        with _open(given, "a dataset") as f:
+            return Estimate(json.loads(text), record, f[options.get("data_set") or "z"][:], code == VIOLATED)
 
 
 @public
