@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: MIT
 # make.sh NAME [FILE]: makes the data of a scene, learns its weights and prints their errors on unseen trajectories, as
 # README.md in this folder reports them. Runs in the root of the repository, writes to build/, and leaves configs/weights
 # as they are. FILE is a data file of others, which is not part of this repository. Times are CPU times.

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: MIT
 # loopback.sh COMMAND...: inside a fresh network namespace, gives the loopback device multicast, then
 # runs the command there.
 set -eu

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 # What quickstart.sh, spy.sh and tests/run.sh have in common: Debian packages, the build, a private
 # network. Sourced from the repository's root by a script that runs under `set -eu`.
 

@@ -1,4 +1,5 @@
 #!/bin/sh
+# SPDX-License-Identifier: MIT
 # spy.sh [--url URL]: starts lcm-spy, LCM's window on all channels, with portmet's types decoded.
 # Debian's own lcm-spy script asks Java for an option that no longer exists and misses its chart
 # library, so Java is called directly. Needs a display.

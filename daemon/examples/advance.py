@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A client of `portmetd serve` in plain LCM: begins a run that is held at its start, takes single steps, and
 prints the energy after each. It needs only Python 3 and the message types:
 

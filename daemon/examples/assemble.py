@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Learns two masses on springs from data that it makes itself, and assembles six of them, in two seconds of CPU time.
 
     PYTHONPATH=build/daemon/python python3 daemon/examples/assemble.py [PICTURE.png]     in the root of the repository

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Simulates a capacitor and a coil in series with resistors that warm, for the tutorial in trainer/CIRCUIT.md.
 
     python3 circuit.py RESISTORS TRAJECTORIES FILE

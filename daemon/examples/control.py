@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Moves the pivot of configs/live_double_pendulum.yaml so that the lower mass swings to a point and comes to rest
 there. There is no gravity: springs pull. Every half second a plan of the pivot's velocity over the next ten is made
 anew from the present state, in two ways, one after the other:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // example.c: steps a scene by the shared library and prints an energy and the drift of the total.
 //     cc -o example example.c $(pkg-config --cflags --libs libportmet)
 //     ./example configs/double_pendulum.yaml

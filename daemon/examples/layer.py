@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A scene as a layer of PyTorch (python3-torch): finds the start that ends where another one ends."""
 import numpy
 import torch

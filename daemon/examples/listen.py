@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A listener in plain LCM: prints the fluxes of every step of a running scene, and the ledger. It needs only Python 3
 and the message types:
 

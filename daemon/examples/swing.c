@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A controller in C that swings the pivot of configs/live_double_pendulum.yaml to and fro:
 //
 //     cc -o swing swing.c portmet_tick_t.c portmet_input_t.c $(pkg-config --cflags --libs lcm) -lm

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A controller in Python that swings the pivot of configs/live_double_pendulum.yaml to and fro.
 
     python3 swing.py [URL]

@@ -16,6 +16,11 @@ for file in bin/portmetd bin/portmet-train share/man/man1/portmetd.1 share/man/m
     [ -s "$prefix/$file" ] || fail "$file is not installed"
 done
 
+# Source that others may copy from here says its licence.
+find "$prefix" -name '*.h' -o -name '*.c' -o -name '*.py' -o -name '*.sh' -o -name '*.lcm' |
+    xargs grep -L "SPDX-License-Identifier: MIT" >"$folder/unlicensed"
+[ -s "$folder/unlicensed" ] && fail "no SPDX line: $(cat "$folder/unlicensed")"
+
 # No page that is installed links to what is not.
 doc=$prefix/share/doc/portmet
 find "$doc" -name '*.md' | while read -r page; do

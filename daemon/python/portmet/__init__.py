@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Python's door to portmet: scenes to step, their files as objects, and the trainer.
 
     import portmet

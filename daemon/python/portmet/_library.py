@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Finds libportmet.so and declares its functions (daemon/library/portmet.h) for ctypes."""
 from __future__ import annotations
 

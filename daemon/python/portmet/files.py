@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The HDF5 files of portmet as objects: datasets, recordings and weights."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Many copies of one scene, stepped together."""
 from __future__ import annotations
 

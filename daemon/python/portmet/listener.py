@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Listens and speaks LCM in pure Python (daemon/WIRE.md; the protocol is LCM's udpm)."""
 from __future__ import annotations
 

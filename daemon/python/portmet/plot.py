@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Pictures of recordings, fits and evaluations, with matplotlib where it is installed."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """A scene that `portmetd serve` steps elsewhere, with the methods and arrays of Scene."""
 from __future__ import annotations
 

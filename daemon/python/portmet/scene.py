@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Scenes and parts to step in this process."""
 from __future__ import annotations
 

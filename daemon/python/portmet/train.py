@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Drives the trainer, portmet-train (trainer/README.md). `data` is a dataset, a table, or a list of tables."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: MIT
 // A membrane of masses that move across a square grid, as an ODE for CVODE. Each cell (i, j) has a
 // mass with the momentum p, two springs with the elongations x and y towards the cells (i-1, j) and
 // (i, j-1), or towards a wall where there is none, and an entropy s. With u = x + y and the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Draws the pictures of portmet-train and portmetd with gnuplot, the script of each beside it, and works on files of fields.
 
     python3 pictures fit FOLDER                                       fit.png from fit.csv, if there is gnuplot

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Draws the deformed surfaces of bodies, coloured by von Mises stress. gnuplot sorts the faces by depth."""
 import argparse
 import math

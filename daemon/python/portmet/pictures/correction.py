@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Corrects the fields of a simulation by a few better known fields of the same body under the same loads. The
 discrepancy between both varies smoothly with the place of the load, even where the fields themselves do not.
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Pictures of errors: of a fit, of an evaluation, of fields. They come from tables of text."""
 import csv
 import math

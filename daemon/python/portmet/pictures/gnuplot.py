@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Scripts in the style of all pictures, and gnuplot, which draws them."""
 import os
 import struct

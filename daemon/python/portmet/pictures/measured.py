@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Pictures of measurements, and of predictions from estimated starts beside them."""
 import math
 

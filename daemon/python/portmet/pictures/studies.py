@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Pictures of `portmetd bench` and `portmetd stress`, from the tables NAME.txt that these have written."""
 import math
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Describes a field file in XDMF: one grid for each state, made of selections in the file's datasets."""
 import os
 from xml.sax.saxutils import escape

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Turns tables into a dataset, for `portmet-train import` and wherever portmet-train reads tables:
 
     python3 tables OUTPUT [--time=NAME] [--dt=S] [--missing=NUMBERS] [--runs=NAME] [--types=FILE] -- TABLE...

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """LCM logs, decoded with the types of a .lcm file: channel.field is a column, and a message is a row.
 
 A log is a sequence of events: the sync word 0xEDA1DA01, number, time (us), lengths of channel and message, channel,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """MATLAB files of all versions, and HDF5 files: variables and structs become columns, arrays of structs become runs."""
 import h5py
 import numpy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """The HDF5 files of portmet itself as tables: datasets, recordings of runs, predictions; and Parquet files."""
 import re
 

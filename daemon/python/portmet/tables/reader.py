@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Reads tables of any kind, and joins them to a dataset."""
 import argparse
 import contextlib

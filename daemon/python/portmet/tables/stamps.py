@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Time stamps and dates as text, in whole ns so that nothing is rounded."""
 import datetime
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """What all readers of tables have in common: a run, how a run is refused, which column has the times."""
 import re
 

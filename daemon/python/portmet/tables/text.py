@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: MIT
 """Tables in text files, as loggers, spreadsheets and programs write them.
 
 The reader looks at the numbers first: it takes the separator and the decimal sign by which most places of the lines in
