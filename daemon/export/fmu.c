@@ -418,7 +418,13 @@ static pm_status add_variables(fmu_writer *w) {
             variable *input = add(w, r->input + i, follows ? INPUT : PARAMETER, v->input.name[i],
                                   v->input.unit[i]);
             input->start = w->first[i];
-            input->description = "what the outside prescribes; no training range is known for it";
+            double low, high;
+            input->description =
+                pm_export_input_range(w->setup, i, &low, &high)
+                    ? pm_arena_printf(w->arena,
+                                      "what the outside prescribes; from %.4g to %.4g in training",
+                                      low, high)
+                    : "what the outside prescribes; no training range is known for it";
         }
     }
     for (int i = 0; i < 2 * ns; ++i) {
@@ -438,7 +444,7 @@ static pm_status add_variables(fmu_writer *w) {
             "rate that the ports give to the outside";
     }
     add(w, r->departure, CALCULATED, "outside_training_range", "1")->description =
-        "distance to the states of the training, in widths of their range; inputs do not count";
+        "distance to states and inputs of the training, in widths of their range";
     const bool driven = physics->nboundary_input > 0;
     static const struct {
         const char *name, *unit, *description, *of_driven;
@@ -571,7 +577,8 @@ static void mark(const fmu_writer *w, int unknown, bool *known) {
     if (unknown >= r->departure) {
         memset(known + r->state, true, (size_t)physics->nz * sizeof *known);
         for (int i = r->input; i < r->energy; ++i) {
-            known[i] = unknown == r->guard - 1 && w->variable[i].name != NULL;
+            const bool acts = unknown == r->departure || unknown == r->guard - 1;
+            known[i] = acts && w->variable[i].name != NULL;
         }
         return;
     }

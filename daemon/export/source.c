@@ -8,6 +8,7 @@
 
 #include <errno.h>
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -477,6 +478,44 @@ static void write_ranges(FILE *file, const void *context) {
     }
 }
 
+bool pm_export_input_range(const pm_setup *setup, int prescribed, double *low, double *high) {
+    const pm_physics *physics = &setup->scene->physics;
+    bool known = false;
+    *low = -INFINITY;
+    *high = INFINITY;
+    for (int i = 0; i < 2 * physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i / 2];
+        const pm_end end = i % 2 == 0 ? PM_END_A : PM_END_B;
+        const int ny = port->layout[end].nz, id = port->boundary_input[end];
+        for (int c = 0; c < 3 * ny && id >= 0; ++c) {
+            const pm_scene_boundary_input *b = &physics->boundary_input[id];
+            double l, h;
+            if (b->first + c / ny * b->layout.nz + port->component[end][c % ny] == prescribed &&
+                pm_input_range_of(setup->system->port[i / 2], end, c / ny, c % ny, &l, &h)) {
+                *low = fmax(*low, l);
+                *high = fmin(*high, h);
+                known = true;
+            }
+        }
+    }
+    return known && *low < *high;
+}
+
+// Writes the range of each input that has one, and a row that ends the list.
+static void write_input_ranges(FILE *file, const void *context) {
+    const scene_writer *w = context;
+    for (int i = 0; i < w->scene->physics.nprescribed; ++i) {
+        double low, high;
+        if (pm_export_input_range(w->setup, i, &low, &high)) {
+            fprintf(file, "    {%d, 1, ", i);
+            pm_source_number(file, low);
+            fputs(", ", file);
+            pm_source_number(file, high);
+            fputs("},\n", file);
+        }
+    }
+}
+
 // Writes to = z + h sum_i weight_i k_i over the first n stages.
 static void write_combination(FILE *file, int n, const double *weight, const char *to) {
     fprintf(file, "        for (int i = 0; i < STATES; ++i) {\n            %s[i] = z[i] + h * (0.0",
@@ -662,6 +701,7 @@ pm_status pm_export_c(const pm_setup *setup, const char *folder) {
         {"%OUTPUTS_TANGENT%", .write = write_outputs, .context = &tangent},
         {"%SUBSTEP%", .write = write_substep, .context = &w},
         {"%RANGES%", .write = write_ranges, .context = &w},
+        {"%INPUT_RANGES%", .write = write_input_ranges, .context = &w},
         {"%INNER_RESULT%", .text = w.inner ? ", double *inner" : ""},
         {"%INNER_ARGUMENT%", .text = w.inner ? ", const double *inner" : ""},
         {"%INNER_ROOM%", .text = w.inner ? "inner[STATES], " : ""},

@@ -11,4 +11,8 @@
 // its own. PM_EFILE: a file cannot be written. PM_ENOMEM.
 pm_status pm_export_c(const pm_setup *setup, const char *folder);
 
+// Gives the range in training of a value that the outside prescribes, which several ports may show:
+// what all of them were trained on. Returns false if none of them knows it.
+bool pm_export_input_range(const pm_setup *setup, int prescribed, double *low, double *high);
+
 #endif

@@ -5,6 +5,7 @@
 #include <math.h>
 
 static const char low_name[] = "training_range.low", high_name[] = "training_range.high";
+static const char low_input[] = "input_range.low", high_input[] = "input_range.high";
 
 // The bounds of the empty range are finite, since weights files hold finite numbers only. The first
 // state replaces them.
@@ -14,11 +15,17 @@ pm_status pm_training_range_declare(pm_part *part) {
     return pm_params_add(&part->params, high_name, 1, n, false, 0, -DBL_MAX);
 }
 
-void pm_training_range_clear(pm_part *part) {
-    for (int i = 0; i < part->layout.ngroup; ++i) {
-        pm_params_find(&part->params, low_name)->value[i] = DBL_MAX;
-        pm_params_find(&part->params, high_name)->value[i] = -DBL_MAX;
+// Empties the ranges of these names.
+static void clear(pm_params *params, const char *low, const char *high) {
+    pm_param_entry *l = pm_params_find(params, low), *h = pm_params_find(params, high);
+    for (int i = 0; l != NULL && i < l->rows * l->cols; ++i) {
+        l->value[i] = DBL_MAX;
+        h->value[i] = -DBL_MAX;
     }
+}
+
+void pm_training_range_clear(pm_part *part) {
+    clear(&part->params, low_name, high_name);
 }
 
 static double measure(const pm_group *group, const double *z) {
@@ -67,4 +74,42 @@ pm_departure pm_training_range_departure(pm_training_range range, const double *
         }
     }
     return worst;
+}
+
+// --- boundary inputs ---
+
+pm_status pm_input_range_declare(pm_port_model *port) {
+    const int n = port->layout[0].nz + port->layout[1].nz;
+    PM_TRY(pm_params_add(&port->params, low_input, 3, n, false, 0, DBL_MAX));
+    return pm_params_add(&port->params, high_input, 3, n, false, 0, -DBL_MAX);
+}
+
+void pm_input_range_clear(pm_port_model *port) {
+    clear(&port->params, low_input, high_input);
+}
+
+static double *input_bound(const pm_port_model *port, const char *name, pm_end end, int which,
+                           int c) {
+    const pm_param_entry *entry = pm_params_find(&port->params, name);
+    const int column = c + (end == PM_END_B ? port->layout[0].nz : 0);
+    return entry == NULL ? NULL : &entry->value[which * entry->cols + column];
+}
+
+void pm_input_range_widen(pm_port_model *port, pm_end end, int which, int c, double value) {
+    double *low = input_bound(port, low_input, end, which, c);
+    double *high = input_bound(port, high_input, end, which, c);
+    *low = fmin(*low, value);
+    *high = fmax(*high, value);
+}
+
+bool pm_input_range_of(const pm_port_model *port, pm_end end, int which, int c, double *low,
+                       double *high) {
+    const double *l = input_bound(port, low_input, end, which, c);
+    const double *h = input_bound(port, high_input, end, which, c);
+    if (l == NULL || h == NULL || !(*l < *h)) {
+        return false;
+    }
+    *low = *l;
+    *high = *h;
+    return true;
 }

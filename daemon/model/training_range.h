@@ -9,6 +9,7 @@
 #define PM_MODEL_TRAINING_RANGE_H
 
 #include "model/part.h"
+#include "model/port.h"
 
 // A vector may be longer or shorter than all that training saw by this part of its length.
 #define PM_RANGE_SLACK 1e-3
@@ -38,5 +39,20 @@ typedef struct pm_departure {
 pm_departure pm_training_range_of_group(pm_training_range range, int g, const double *z);
 // Returns the group of the state z [nz] that is furthest outside its range.
 pm_departure pm_training_range_departure(pm_training_range range, const double *z);
+
+// The range of what boundary inputs showed to a port in training: of each component of both ends
+// the state, its co-energy dE and its dS. It is kept among the port's constants as
+// "input_range.low" and "input_range.high" [3][ny_a + ny_b]. What was constant in training, or was
+// shown by a subsystem, has no range.
+
+// Declares an empty range for the port. PM_ENOMEM.
+pm_status pm_input_range_declare(pm_port_model *port);
+// Empties a range; without one it has no effect.
+void pm_input_range_clear(pm_port_model *port);
+// Widens the range of component c of an end, of its state (which 0), dE (1) or dS (2).
+void pm_input_range_widen(pm_port_model *port, pm_end end, int which, int c, double value);
+// Gives the range of the same. Returns false if it has none.
+bool pm_input_range_of(const pm_port_model *port, pm_end end, int which, int c, double *low,
+                       double *high);
 
 #endif

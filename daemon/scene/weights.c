@@ -253,19 +253,21 @@ done:
     return status == PM_ECONFIG ? pm_fail(PM_EWEIGHTS, "%s: model: %s", path, pm_error()) : status;
 }
 
-// Reads the values of a declared model. A part has a training range where the file has one.
+// Reads the values of a declared model. A part or port has a training range where the file has one.
 static pm_status read_params(const pm_hdf5 *file, const char *path, pm_arena *arena,
                              const pm_component *c) {
-    static const char range[] = "training_range.";
+    static const char *const range[2] = {"training_range.", "input_range."};
+    pm_part *part = pm_component_part(c);
     int count;
     const char **name;
     PM_TRY(pm_hdf5_members(file, "/parameters", arena, &count, &name));
     bool ranged = false;
     for (int i = 0; i < count; ++i) {
-        ranged = ranged || strncmp(name[i], range, strlen(range)) == 0;
+        const char *own = range[part == NULL];
+        ranged = ranged || strncmp(name[i], own, strlen(own)) == 0;
     }
-    if (ranged && pm_component_part(c) != NULL) {
-        PM_TRY(pm_training_range_declare(pm_component_part(c)));
+    if (ranged) {
+        PM_TRY(part != NULL ? pm_training_range_declare(part) : pm_input_range_declare(c->model));
     }
     for (int i = 0; i < c->params->count; ++i) {
         const pm_param_entry *entry = &c->params->entry[i];

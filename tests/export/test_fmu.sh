@@ -67,6 +67,19 @@ python3 -B "$here/compare_versions.py" "$folder/drift2" "$folder/drift" || fail 
 "$portmetd" export configs/double_pendulum.yaml --fmi 1 -o "$folder/first.fmu" >"$folder/out" 2>&1
 [ $? -eq 2 ] || fail "FMI 1"
 
+# Inputs that a fit has seen have ranges.
+train=$build/trainer/portmet-train
+sed -e 's/^trajectories: .*/trajectories: 4/' -e 's/^states: .*/states: 20/' configs/truth/driven_lower.yaml >"$folder/truth.yaml"
+sed -e "s|^scene: \.\./|scene: $PWD/configs/|" -e 's/iterations: [0-9]*/iterations: 1/' -e '/^data:/d' \
+    configs/train/driven_lower.yaml >"$folder/train.yaml"
+"$train" truth "$folder/truth.yaml" -o "$folder/driven.h5" >"$folder/out" 2>&1 || fail "truth of a driven link"
+"$train" fit "$folder/train.yaml" --data "$folder/driven.h5" -o "$folder/weights" >"$folder/out" 2>&1
+sed "s|weights/driven_lower|$folder/weights|; s|reference/driven_lower.h5|$folder/driven.h5|" configs/driven_lower.yaml \
+    >"$folder/trained.yaml"
+"$portmetd" export "$folder/trained.yaml" -o "$folder/trained.fmu" --quiet || fail "a trained link"
+(mkdir "$folder/trained" && cd "$folder/trained" && cmake -E tar xf ../trained.fmu) || fail "trained.fmu is no archive"
+python3 -B "$here/check_inputs.py" "$folder/trained" || fail "ranges of inputs"
+
 # Two FMUs, each of one pendulum with the other one as its outside, are coupled by an importer.
 # cut NAME OTHER: the scene with NAME alone.
 cut() {
@@ -114,7 +127,7 @@ rm -f "$folder/out"
 for python in python3 /usr/bin/python3; do
     command -v "$python" >/dev/null || continue
     "$python" "$here/check_description.py" "$folder/double_pendulum" "$folder/beam" "$folder/driven_lower" \
-        "$folder/range" ||
+        "$folder/range" "$folder/trained" ||
         fail "a description"
     break
 done

@@ -395,6 +395,32 @@ done:
     return status;
 }
 
+// Notes between which values the boundary inputs of each port are.
+static pm_status find_input_ranges(pm_system *system, const pm_samples *samples) {
+    const pm_physics *physics = &system->scene->physics;
+    for (int i = 0; i < 2 * physics->nport; ++i) { // again for another end that shares the model
+        if (physics->port[i / 2].boundary_input[i % 2] >= 0) {
+            PM_TRY(pm_input_range_declare(system->port[i / 2]));
+            pm_input_range_clear(system->port[i / 2]);
+        }
+    }
+    for (int i = 0; i < 2 * physics->nport; ++i) {
+        const pm_scene_port *port = &physics->port[i / 2];
+        const pm_end end = i % 2 == 0 ? PM_END_A : PM_END_B;
+        const int ny = port->layout[end].nz, id = port->boundary_input[end];
+        for (int c = 0; c < 3 * ny && id >= 0; ++c) {
+            const pm_scene_boundary_input *b = &physics->boundary_input[id];
+            const int at = pm_samples_input(samples, 0) + b->first + c / ny * b->layout.nz +
+                           port->component[end][c % ny]; // at the beginning of the step
+            for (int k = 0; k < samples->count; ++k) {
+                const double *window = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
+                pm_input_range_widen(system->port[i / 2], end, c / ny, c % ny, window[at]);
+            }
+        }
+    }
+    return PM_OK;
+}
+
 pm_status pm_normalization_of_system(pm_system *system, const pm_samples *samples, bool plain) {
     pm_magnitudes magnitudes = {.scene = system->scene};
     for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
@@ -407,6 +433,7 @@ pm_status pm_normalization_of_system(pm_system *system, const pm_samples *sample
             pm_training_range_widen(system->part[i], z + system->scene->physics.subsystem[i].first);
         }
     }
+    PM_TRY(find_input_ranges(system, samples));
     PM_TRY(plain ? PM_OK : pm_magnitudes_find(&magnitudes, system, samples));
     // The first pass fixes the constants of energies and entropies, the second those of features
     // that contain co-energies.

@@ -1,6 +1,6 @@
 // Computes the constants of a model that are not weights: means and deviations of features, scales
-// of operators, lengths of `along` vectors, and the range of the training states
-// (model/training_range.h). All are statistics of the training data.
+// of operators, lengths of `along` vectors, and the ranges of the training states and of boundary
+// inputs (model/training_range.h). All are statistics of the training data.
 #ifndef PM_TRAINER_FIT_NORMALIZATION_H
 #define PM_TRAINER_FIT_NORMALIZATION_H
 

@@ -264,6 +264,11 @@ static double *result_of(SCENE(_results) * results, fmi3ValueReference r) {
                                       : NULL;
 }
 
+// Returns how far outside the range of the training states and inputs are. u NULL: states alone.
+static double outside_range(const double z[], const double u[]) {
+    return fmax(SCENE(_departure)(z), u == NULL ? 0 : SCENE(_input_departure)(u));
+}
+
 // Returns the change of the energy, J, or of the entropy, J/K, since the start, with what left to
 // the outside. `now` are the results at this time.
 static double change_of(const instance *m, const SCENE(_results) * now, int is_entropy) {
@@ -290,7 +295,7 @@ static double *value_of(instance *m, fmi3ValueReference r) {
         return &m->now.scene.u[r - FIRST_INPUT];
     }
     if (r == DEPARTURE) {
-        m->other = SCENE(_departure)(m->now.scene.z);
+        m->other = outside_range(m->now.scene.z, m->now.scene.u);
         return &m->other;
     }
     if (!m->known) {
@@ -359,63 +364,68 @@ fmi3Status fmi3SetFloat64(fmi3Instance i, const fmi3ValueReference r[], size_t n
     return fmi3OK;
 }
 
-// Computes the derivatives of all results along the direction that has the entries `seed` at the
-// references `known`, each a state or an input. Returns false if one is neither.
+// Computes the derivatives of all results along the direction dx [STATES + INPUTS] that has the
+// entries `seed` at the references `known`, each a state or an input. Returns false if one is
+// neither.
 static bool differentiate(instance *m, size_t nknown, const fmi3ValueReference known[],
-                          const double seed[], double dz[], SCENE(_results) * d) {
-    double du[INPUTS + 1] = {0};
-    memset(dz, 0, STATES * sizeof *dz);
+                          const double seed[], double dx[], SCENE(_results) * d) {
+    memset(dx, 0, (STATES + INPUTS) * sizeof *dx);
     for (size_t k = 0; k < nknown; ++k) {
         const fmi3ValueReference r = known[k];
-        double *entry = r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE)
-                        : r >= FIRST_INPUT && r < FIRST_ENERGY   ? du + (r - FIRST_INPUT)
+        double *entry = r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dx + (r - FIRST_STATE)
+                        : r >= FIRST_INPUT && r < FIRST_ENERGY   ? dx + STATES + (r - FIRST_INPUT)
                                                                  : NULL;
         if (entry == NULL) {
             return false;
         }
         *entry = seed[k];
     }
-    SCENE(_tangent)(m->now.scene.z, dz, m->now.scene.u, du, d);
+    SCENE(_tangent)(m->now.scene.z, dx, m->now.scene.u, dx + STATES, d);
     return true;
 }
 
-// Returns the slope of the distance to the training range along dz: a difference, since it has
-// edges.
-static double departure_slope(const instance *m, const double dz[]) {
-    double z[STATES], size = 1, length = 0;
-    for (int k = 0; k < STATES; ++k) {
-        size = fmax(size, fabs(m->now.scene.z[k]));
-        length = fmax(length, fabs(dz[k]));
+// Returns the slope of the distance to the training range along dx, of states and inputs or of
+// states alone: a difference, since it has edges.
+static double departure_slope(const instance *m, const double dx[], bool with_inputs) {
+    const double *const z = m->now.scene.z, *const u = m->now.scene.u;
+    double there[STATES + INPUTS + 1] = {0}, size = 1, length = 0;
+    for (int k = 0; k < STATES + INPUTS; ++k) {
+        there[k] = k < STATES ? z[k] : u[k - STATES];
+        size = fmax(size, fabs(there[k]));
+        length = fmax(length, fabs(dx[k]));
     }
     const double step = length > 0 ? 1e-6 * size / length : 0;
-    for (int k = 0; k < STATES; ++k) {
-        z[k] = m->now.scene.z[k] + step * dz[k];
+    for (int k = 0; k < STATES + INPUTS; ++k) {
+        there[k] += step * dx[k];
     }
-    return step > 0 ? (SCENE(_departure)(z) - SCENE(_departure)(m->now.scene.z)) / step : 0;
+    const double before = outside_range(z, with_inputs ? u : NULL);
+    const double behind = outside_range(there, with_inputs ? there + STATES : NULL);
+    return step > 0 ? (behind - before) / step : 0;
 }
 
 // Returns the slope of the used part of the guards: that of the guard of which more is used. `d`
-// are the derivatives along dz.
-static double guard_slope(instance *m, const double dz[], const SCENE(_results) * d) {
+// are the derivatives along dx.
+static double guard_slope(instance *m, const double dx[], const SCENE(_results) * d) {
     const double used = *value_of(m, GUARD_USED), slope = total(d->energy) / MODEL_ENERGY_GUARD;
     const double change = change_of(m, &m->results, 0);
-    return !(used > 0) || !isfinite(used)             ? 0
-           : energy_guard_used(m, &m->results) < used ? departure_slope(m, dz) / MODEL_RANGE_GUARD
-           : change < 0                               ? -slope
-                                                      : slope;
+    return !(used > 0) || !isfinite(used) ? 0
+           : energy_guard_used(m, &m->results) < used
+               ? departure_slope(m, dx, false) / MODEL_RANGE_GUARD
+           : change < 0 ? -slope
+                        : slope;
 }
 
 // Writes the derivative of an output from what differentiate has computed. Returns false if the
 // reference is none. The residual of power is zero everywhere, but for rounding.
-static bool derivative_of(instance *m, const double dz[], SCENE(_results) * d, fmi3ValueReference r,
+static bool derivative_of(instance *m, const double dx[], SCENE(_results) * d, fmi3ValueReference r,
                           double *value) {
     const double *result =
-        r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dz + (r - FIRST_STATE) : result_of(d, r);
+        r >= FIRST_STATE && r < FIRST_DERIVATIVE ? dx + (r - FIRST_STATE) : result_of(d, r);
     *value = result != NULL          ? *result
-             : r == DEPARTURE        ? departure_slope(m, dz)
+             : r == DEPARTURE        ? departure_slope(m, dx, true)
              : r == ENERGY_CHANGE    ? total(d->energy)
              : r == ENTROPY_PRODUCED ? total(d->entropy)
-             : r == GUARD_USED       ? guard_slope(m, dz, d)
+             : r == GUARD_USED       ? guard_slope(m, dx, d)
                                      : 0;
     return result != NULL || (r >= DEPARTURE && r < END);
 }
@@ -424,16 +434,16 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance i, const fmi3ValueReference
                                         size_t nunknown, const fmi3ValueReference known[],
                                         size_t nknown, const fmi3Float64 seed[], size_t nseed,
                                         fmi3Float64 sensitivity[], size_t nsensitivity) {
-    double dz[STATES];
+    double dx[STATES + INPUTS + 1];
     SCENE(_results) d;
     if (i == NULL || nseed != nknown || nsensitivity != nunknown) {
         return refuse(i, "fmi3GetDirectionalDerivative: every variable has one value");
     }
-    if (!differentiate(i, nknown, known, seed, dz, &d)) {
+    if (!differentiate(i, nknown, known, seed, dx, &d)) {
         return refuse(i, "fmi3GetDirectionalDerivative: a known is neither state nor input");
     }
     for (size_t k = 0; k < nunknown; ++k) {
-        if (!derivative_of(i, dz, &d, unknown[k], sensitivity + k)) {
+        if (!derivative_of(i, dx, &d, unknown[k], sensitivity + k)) {
             return refuse(i, "fmi3GetDirectionalDerivative: an unknown has no derivative");
         }
     }
@@ -445,20 +455,20 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance i, const fmi3ValueReference unk
                                     size_t nunknown, const fmi3ValueReference known[],
                                     size_t nknown, const fmi3Float64 seed[], size_t nseed,
                                     fmi3Float64 sensitivity[], size_t nsensitivity) {
-    double dz[STATES];
+    double dx[STATES + INPUTS + 1];
     SCENE(_results) d;
     if (i == NULL || nseed != nunknown || nsensitivity != nknown) {
         return refuse(i, "fmi3GetAdjointDerivative: every variable has one value");
     }
     for (size_t j = 0; j < nknown; ++j) {
         const double one = 1;
-        if (!differentiate(i, 1, known + j, &one, dz, &d)) {
+        if (!differentiate(i, 1, known + j, &one, dx, &d)) {
             return refuse(i, "fmi3GetAdjointDerivative: a known is neither state nor input");
         }
         sensitivity[j] = 0;
         for (size_t k = 0; k < nunknown; ++k) {
             double value;
-            if (!derivative_of(i, dz, &d, unknown[k], &value)) {
+            if (!derivative_of(i, dx, &d, unknown[k], &value)) {
                 return refuse(i, "fmi3GetAdjointDerivative: an unknown has no derivative");
             }
             sensitivity[j] += seed[k] * value;
