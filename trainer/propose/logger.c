@@ -729,7 +729,8 @@ static pm_status try_again(hidden_search *s, bool turn) {
 // Tries the best guesses without the constants that the data do not need, again and again: a law
 // with fewer constants takes less time, and is easier to read. It may be less likely by as much as
 // so many constants are worth. If it is worse, half as many are left out. A fit whose time was over
-// in short windows does not tell what long ones need.
+// in short windows does not tell what long ones need. Far from the noise a law is missing, and it
+// is tried once.
 static pm_status leave_out(hidden_search *s) {
     const double samples = (double)s->most * s->dataset->ntime * fmax(s->first.nvariable, 1);
     int most = INT_MAX;
@@ -757,8 +758,12 @@ static pm_status leave_out(hidden_search *s) {
                           lean->score.misfit < full->score.misfit + count * log(samples) / 2 &&
                           lean->score.rollout < full->score.rollout * HARDLY_WORSE;
         s->best = kept ? from : before;
-        s->lean_failed[before] = !kept && (count < FEWEST_LEFT_OUT || is_late(s));
+        s->lean_failed[before] =
+            !kept && (count < FEWEST_LEFT_OUT || is_late(s) || !is_within(s, FAR));
         most = kept ? INT_MAX : count / 2;
+        if (kept && !is_within(s, FAR)) {
+            break;
+        }
     }
     return PM_OK;
 }
