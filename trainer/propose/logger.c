@@ -452,13 +452,13 @@ static pm_status try_guesses(hidden_search *s, int from) {
 // `id`, or also for the variables that are like it. A guess that was tried beside the best one
 // before is tried once more if it adds to it: it may need constants that have been fitted.
 static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_unit *alike) {
-    if (s->count == MOST_TRIALS) {
+    const bool adds = pm_logger_adds(guess, s->what[s->best].guess[id]);
+    if (s->count == MOST_TRIALS || (guess == PM_LOGGER_MOVED_2 && !adds)) {
         return;
     }
     const int first = s->count;
     pm_logger_guess *own = s->what[first].guess;
     s->what[first] = s->what[s->best];
-    const bool adds = pm_logger_adds(guess, own[id]);
     const char *found = found_by_best(s);
     for (int j = 0; j < s->first.ncolumn; ++j) {
         const pm_logger_column *other = &s->first.column[j];
@@ -479,7 +479,7 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
     // needed then. A hidden variable may add to a law that is known well, or that law may have made
     // up for it.
     const bool acts = guess == PM_LOGGER_FREELY || guess >= PM_LOGGER_OPENS;
-    const bool hides = pm_logger_hides(guess), lean = s->lean[s->best];
+    const bool hides = pm_logger_hides(guess) > 0, lean = s->lean[s->best];
     for (int anew = 0; anew < 2 && s->count < MOST_TRIALS; ++anew) {
         const bool keeps = anew == 0 && !acts;
         if (anew == 0 ? !hides || lean || adds : hides && !adds) {
@@ -652,7 +652,7 @@ static pm_status find_columns(hidden_search *s, guess_group group) {
             const int from = s->count;
             const bool moves = column->mate >= 0 && s->first.column[column->mate].source != NULL;
             for (int i = 0; i < column->nother; ++i) {
-                const bool hides = pm_logger_hides(column->other[i]);
+                const bool hides = pm_logger_hides(column->other[i]) > 0;
                 const bool laws =
                     column->other[i] >= PM_LOGGER_WARMER && column->other[i] < PM_LOGGER_CELL;
                 const guess_group own = !hides ? (laws ? LAWS : ROLES)
@@ -963,21 +963,23 @@ static pm_status confirm(hidden_search *s) {
 
 // Writes what was tried, as lines of a comment.
 static void print_trials(const hidden_search *s, FILE *f) {
-    static const char *const guess[PM_LOGGER_NGUESS] = {"",
-                                                        "complete",
-                                                        "its rate is hidden",
-                                                        "a hidden level falls into it",
-                                                        "a hidden level falls and spills into it",
-                                                        "moved by a hidden variable without loss",
-                                                        "exchanges heat with a hidden temperature",
-                                                        "its friction heats a neighbour",
-                                                        "its entropy depends on positions",
-                                                        "inertias do not depend on it",
-                                                        "acts with a learned factor",
-                                                        "moves all velocities of its part",
-                                                        "a cell with a resistance",
-                                                        "a cell with one relaxing pair",
-                                                        "a cell with two relaxing pairs"};
+    static const char *const guess[PM_LOGGER_NGUESS] = {
+        "",
+        "complete",
+        "its rate is hidden",
+        "a hidden level falls into it",
+        "a hidden level falls and spills into it",
+        "moved by a hidden variable without loss",
+        "exchanges heat with a hidden temperature",
+        "moved by two hidden variables without loss",
+        "its friction heats a neighbour",
+        "its entropy depends on positions",
+        "inertias do not depend on it",
+        "acts with a learned factor",
+        "moves all velocities of its part",
+        "a cell with a resistance",
+        "a cell with one relaxing pair",
+        "a cell with two relaxing pairs"};
     fprintf(f,
             "# What nobody measures was found by short fits; error on the %s, %% of the "
             "deviation:\n",

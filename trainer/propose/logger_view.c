@@ -19,9 +19,11 @@
 #define COUPLED 1e-3    // of the changes that one co-energy explains of another one's
 #define FAINT 1e-4      // likewise, if it is more than this part of what all leave unexplained:
 #define NOTABLE 0.2
-#define ALIKE 0.3           // of two coefficients: they are opposite if their sum is smaller
-#define LEAK 0.05           // of the decay of a temperature: smaller leaks are none
-#define SLOW 0.1            // of the rate of a column: what is hidden is no slower, at first
+#define ALIKE 0.3  // of two coefficients: they are opposite if their sum is smaller
+#define LEAK 0.05  // of the decay of a temperature: smaller leaks are none
+#define SLOWER 5   // times slower, at first, is the second of two hidden forces, and weaker
+#define SOFTER 0.5 // by this factor
+#define SLOW 0.1   // of the rate of a column: what is hidden is no slower, at first
 #define FRICTION_SHOWS 0.99 // of what else leaves unexplained of the changes of a temperature
 #define CLEAR 8.0           // times its noise: a column changes clearly
 #define ANSWERED 0.5        // of changes in slope where an input jumps: it drives this co-energy
@@ -137,8 +139,8 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
 }
 
 // Adds a hidden force that moves velocity y: what all columns leave unexplained of its rate is the
-// first estimate.
-static void add_force(pm_logger_samples *w, int y) {
+// first estimate. Returns its column.
+static int add_force(pm_logger_samples *w, int y) {
     pm_logger_view *view = w->view;
     bool used[PM_LOGGER_COLUMNS];
     double coefficient[1 + PM_LOGGER_COLUMNS];
@@ -163,6 +165,39 @@ static void add_force(pm_logger_samples *w, int y) {
     }
     (void)pm_logger_measure(w, x);
     w->length = 0;
+    return x;
+}
+
+// Adds a second hidden force that moves velocity y, beside the force `twin`. Its samples are 0, so
+// that no regression sees it.
+static void add_slower(pm_logger_samples *w, int y, int twin) {
+    const int x = add_hidden(w, y, "slower", w->view->column[twin].unit, PM_LOGGER_FLOW);
+    w->view->column[x].twin = twin;
+    for (int k = 0; k < w->nrow; ++k) {
+        w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + x] = 0;
+    }
+    (void)pm_logger_measure(w, x);
+}
+
+// Lets the slower of two hidden forces begin as the faster one, but for its rate and its stiffness.
+static void follow_twins(pm_logger_view *view) {
+    for (int x = 0; x < view->nvariable; ++x) {
+        pm_logger_column *column = &view->column[x];
+        const int twin = column->twin, y = column->behind;
+        if (twin == 0) {
+            continue;
+        }
+        const pm_logger_column *faster = &view->column[twin];
+        column->deviation = faster->deviation;
+        column->least = faster->least;
+        column->largest = faster->largest;
+        column->inertia = faster->inertia;
+        column->decay = faster->decay / SLOWER;
+        view->coupling[y][x] = SOFTER * view->coupling[y][twin];
+        view->coupling[x][y] = SOFTER * view->coupling[twin][y];
+        view->share[y][x] = view->share[y][twin];
+        view->share[x][y] = view->share[twin][y];
+    }
 }
 
 // Adds the hidden variable of a guess. A linear regression gives y'' + c1 y' + c0 y = ... The rates
@@ -188,7 +223,7 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
         return;
     }
     if (guess == PM_LOGGER_MOVED && view->ncolumn > view->nvariable) {
-        add_force(w, y);
+        (void)add_force(w, y);
         return;
     }
     const char *unit = guess == PM_LOGGER_MOVED ? "1" : column->unit;
@@ -488,8 +523,12 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         }
         if (column->mate >= 0) {
             column->guess = guess;
-            if (guess == PM_LOGGER_MOVED && view->ncolumn < PM_LOGGER_COLUMNS) {
-                add_force(w, c);
+            const int hides = pm_logger_hides(guess);
+            if (hides > 0 && view->ncolumn + hides <= PM_LOGGER_COLUMNS) {
+                const int force = add_force(w, c);
+                if (hides > 1) {
+                    add_slower(w, c, force);
+                }
             }
             continue;
         }
@@ -558,6 +597,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
         const bool alone = column->mate < 0 || view->column[column->mate].source == NULL;
         if (!alone && column->kind == PM_LOGGER_FLOW && column->guess == PM_LOGGER_AS_FOUND) {
             column->other[column->nother++] = PM_LOGGER_MOVED;
+            column->other[column->nother++] = PM_LOGGER_MOVED_2;
         }
         for (int g = PM_LOGGER_COMPLETE; g < PM_LOGGER_CELL && column->source != NULL && alone &&
                                          column->kind != PM_LOGGER_AMOUNT;
@@ -1585,6 +1625,7 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     }
     find_actions(view);
     find_scales(&w);
+    follow_twins(view);
     find_heat_of_friction(&w);
     find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));

@@ -47,6 +47,8 @@ typedef enum pm_logger_guess {
     PM_LOGGER_SPILLED,  // likewise; the hidden one spills over, and part of that falls into it, too
     PM_LOGGER_MOVED,    // a co-energy, moved without loss by a hidden one of another kind
     PM_LOGGER_BESIDE,   // a temperature, which exchanges heat with a hidden one
+    PM_LOGGER_MOVED_2,  // a velocity, moved without loss by two hidden forces, of which one is
+                        // slower
     PM_LOGGER_WARMER,   // a co-energy, whose friction heats the temperature of a neighbour
     PM_LOGGER_EXPANDED, // a temperature, whose entropy depends on the positions of its part
     PM_LOGGER_CYCLIC,   // a length, on which inertias and levers do not depend
@@ -81,14 +83,15 @@ static inline pm_logger_guess pm_logger_split(pm_logger_guess guess, int *one, i
     return (pm_logger_guess)((int)guess - pair);
 }
 
-// Returns true if a guess adds a hidden variable.
-static inline bool pm_logger_hides(pm_logger_guess guess) {
-    return guess > PM_LOGGER_COMPLETE && guess <= PM_LOGGER_BESIDE;
+// Returns how many hidden variables a guess adds.
+static inline int pm_logger_hides(pm_logger_guess guess) {
+    return guess == PM_LOGGER_MOVED_2 ? 2 : guess > PM_LOGGER_COMPLETE && guess < PM_LOGGER_MOVED_2;
 }
 
-// Returns true if a guess is another one with a further law.
+// Returns true if a guess is another one with a further law or a further hidden variable.
 static inline bool pm_logger_adds(pm_logger_guess guess, pm_logger_guess other) {
-    return guess == PM_LOGGER_SPILLED && other == PM_LOGGER_FED;
+    return (guess == PM_LOGGER_SPILLED && other == PM_LOGGER_FED) ||
+           (guess == PM_LOGGER_MOVED_2 && other == PM_LOGGER_MOVED);
 }
 
 typedef struct pm_logger_column {
@@ -106,6 +109,7 @@ typedef struct pm_logger_column {
     bool guided;         // a position, moved by velocities that angles turn
     bool waves, springs; // of an angle: energies of sines and cosines, of powers
     int behind;          // of a hidden variable that is no rate: the measured one that it moves; -1
+    int twin;            // of the slower of two hidden variables: the faster one; 0: it has none
     int part;            // of variables; -1: an input
     pm_logger_guess guess; // of measured variables
     // Other guesses about the variable or the input, the likeliest first. With `clear` the first of
