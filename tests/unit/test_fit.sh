@@ -378,6 +378,8 @@ stages: [{optimiser: gauss_newton, iterations: 2, batch: 50, substeps: 4}]
 END
 fit scaled scaled
 grep -q "temperatures are hardly determined" "$folder/out" || fail "fit: expected the scale of energy to be free"
+grep -q "scale of energies and powers is then not fixed either.*\`temperature:\`" "$folder/out" ||
+    fail "fit: expected how to set the scale"
 grep -q "do not need" "$folder/out" && fail "fit: the joint needs its coupling"
 sed 's/learned: {acts_on: \[q\], against: \[p\]}/given: [[q, p, 1.0]]/' "$folder/scaled.yaml" >"$folder/known.yaml"
 fit known known

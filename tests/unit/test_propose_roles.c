@@ -264,7 +264,7 @@ static void draft_part(const char *text_of_scene, const pm_dataset *data, pm_que
     assert_int_equal(pm_scene_parse(&scene, text_of_scene, "scene.yaml"), PM_OK);
     const pm_proposal p = {.scene = scene, .dataset = data};
     pm_part_view part;
-    int asked[1][PM_QUESTIONS], chosen[PM_SEARCH_CHOICES] = {0};
+    int asked[2][PM_QUESTIONS], chosen[PM_SEARCH_CHOICES] = {0};
     pm_draft d = {.p = &p, .part = &part, .asked = asked};
     assert_int_equal(pm_look_make(&d.look, scene, data), PM_OK);
     d.rotates = pm_view_parts(&d.look, &part);
@@ -289,7 +289,12 @@ static void the_answers_about_a_scene_are_written(void **state) {
         "scene: heat\n"
         "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
         "subsystems:\n"
-        "  stack: {weights: a.h5, state: {s: {unit: kJ/K, columns: [a, b, c, d]}}}\n";
+        "  stack: {weights: a.h5, state: {s: {unit: kJ/K, columns: [a, b, c, d]}}}\n"
+        "boundary_inputs:\n"
+        "  water: {t: {unit: J/K, dE: [310.0], dS: [1]}}\n"
+        "ports:\n"
+        "  film: {law: bracket, between: [water, stack], expose: {water: [t], stack: [s]}, "
+        "weights: b.h5}\n";
     char text[PM_PROPOSAL_TEXT];
     pm_dataset *data = NULL;
     assert_int_equal(pm_dataset_new(&data, 3, 50, 4, 0.1, column), PM_OK);
@@ -304,6 +309,46 @@ static void the_answers_about_a_scene_are_written(void **state) {
                                           : "{features: [s], rising: true}");
     }
     pm_dataset_free(data);
+}
+
+// Amounts and entropies in J/K leave the scale of energies open: training starts at 300 K, and the
+// file says so. A momentum or an energy fixes the scale, and the data decide.
+static void nothing_may_fix_the_scale_of_energies(void **state) {
+    (void)state;
+    static const char *const column[] = {"a", "b"};
+    static const char scene[] = "scene: gas\n"
+                                "time: {dt: 0.1, steps: 10, integrator: rk4, substeps: 1}\n"
+                                "subsystems:\n"
+                                "  gas: {weights: a.h5, state: {n: {unit: %s, columns: [a]}, s: "
+                                "{unit: J/K, columns: [b]}}}\n";
+    static const char *const unit[] = {"mol", "kJ", "kg m/s"};
+    for (int i = 0; i < 3; ++i) {
+        char own[500], text[PM_PROPOSAL_TEXT];
+        pm_dataset *data = NULL;
+        assert_int_equal(pm_dataset_new(&data, 3, 50, 2, 0.1, column), PM_OK);
+        for (int k = 0; k < 3 * 50 * 2; ++k) {
+            data->z[k] = 2 + sin(0.37 * k + k % 7);
+        }
+        snprintf(own, sizeof own, scene, unit[i]);
+        if (i == 0) {
+            propose_text(own, data, text);
+            assert_proposal_says(text, "do not fix the scale of energies");
+            assert_proposal_omits(text, ", temperature: ");
+        }
+        pm_scene *s = NULL;
+        assert_int_equal(pm_scene_parse(&s, own, "scene.yaml"), PM_OK);
+        const pm_proposal p = {.scene = s, .dataset = data};
+        pm_part_view part;
+        int asked[1][PM_QUESTIONS];
+        pm_draft d = {.p = &p, .part = &part, .asked = asked};
+        assert_int_equal(pm_look_make(&d.look, s, data), PM_OK);
+        d.rotates = pm_view_parts(&d.look, &part);
+        pm_draft_ask(&d);
+        assert_int_equal(asked[0][PM_ASK_TEMPERATURE] >= 0, i > 0);
+        pm_look_free(&d.look);
+        pm_scene_free(s);
+        pm_dataset_free(data);
+    }
 }
 
 // Amounts in mol make an ideal mixture, in the units of the scene, or what networks find.
@@ -344,6 +389,7 @@ int main(void) {
         cmocka_unit_test(momenta_do_not_warm_a_body),
         cmocka_unit_test(a_string_in_a_field_has_a_length),
         cmocka_unit_test(the_answers_about_a_scene_are_written),
+        cmocka_unit_test(nothing_may_fix_the_scale_of_energies),
         cmocka_unit_test(amounts_make_a_mixture),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

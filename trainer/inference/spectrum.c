@@ -167,7 +167,11 @@ static void report_temperatures(pm_objective *objective, double median, double e
         fprintf(out, "%s %s %s", b == 0 ? "" : ",", list[b].component, list[b].name);
         list[b].share = 0;
     }
-    fprintf(out, "\n");
+    fprintf(
+        out,
+        "\nThe scale of energies and powers is then not fixed either. It follows the temperature "
+        "with which training starts: 300 K, or `temperature:` in the item of a model's energy "
+        "that has the entropy.\n");
     for (int b = 0; b < nblock; ++b) {
         list[b].share = 0;
     }

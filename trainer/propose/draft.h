@@ -56,6 +56,7 @@ typedef struct pm_draft {
     int (
         *asked)[PM_QUESTIONS]; // [nsubsystem + nport] the choice, or -1; the scene's are those of 0
     pm_answer answer[PM_SEARCH_CHOICES][PM_SEARCH_ALTERNATIVES]; // of each alternative
+    bool free_scale;   // nothing fixes the scale of energies; pm_draft_ask sets it
     const char *start; // the file with which the fit starts (search.h); NULL: it draws
     const int *chosen; // [space.count] the alternatives of this file; NULL: the first ones
 } pm_draft;

@@ -148,6 +148,28 @@ static bool opposite(const pm_draft *d, const pm_scene_port *port, const int *pa
     return all;
 }
 
+// Returns true if there are entropies and nothing fixes the scale of energies: no variable changes
+// its sign when time runs backwards or is an energy, all units are known, and there is neither a
+// boundary input nor a given model. Models whose energies and temperatures are all larger by one
+// factor then have the same rates.
+static bool is_scale_free(const pm_draft *d) {
+    const pm_physics *physics = &d->p->scene->physics;
+    const pm_unit energy = pm_unit_parse("J");
+    bool warm = false, free = physics->nboundary_input == 0;
+    for (int i = 0; i < physics->nport; ++i) {
+        free = free && physics->port[i].model == NULL;
+    }
+    for (int i = 0; i < physics->nsubsystem; ++i) {
+        const pm_part_view *v = &d->part[i];
+        free = free && physics->subsystem[i].model == NULL;
+        for (int g = 0; g < v->count; ++g) {
+            warm = warm || v->kind[g] == PM_VIEW_ENTROPY;
+            free = free && v->unit[g].known && !v->odd[g] && !pm_unit_equal(&v->unit[g], &energy);
+        }
+    }
+    return warm && free;
+}
+
 void pm_draft_ask(pm_draft *d) {
     static const pm_answer reversible[] = {PM_AS_FOUND, PM_BY_STATES, PM_BY_POSITIONS, PM_CONSTANT,
                                            PM_NONE},
@@ -239,7 +261,10 @@ void pm_draft_ask(pm_draft *d) {
             warm = warm || (d->part[i].kind[g] == PM_VIEW_ENTROPY && !d->part[i].group[g].constant);
         }
     }
-    if (warm) {
+    // Where no variable has the scale of an energy, errors cannot tell 1 K from 300 K, and the unit
+    // of the entropy decides: J/K means 300 K.
+    d->free_scale = is_scale_free(d);
+    if (warm && !d->free_scale) {
         ask(d, PM_ASK_TEMPERATURE, 0, 2, temperature);
     }
     ask(d, PM_ASK_SIZE, 0, 2, size);

@@ -93,6 +93,11 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                     : "Friction and boundary inputs alone change the sum of q x p",
                 lengths ? ", so that energies depend on the lengths of vectors" : "");
     }
+    if (d->free_scale) {
+        fprintf(f, "# The data do not fix the scale of energies, temperatures and powers. Training "
+                   "starts at 300 K;\n# `temperature:` beside the features of each heat sets "
+                   "another one.\n");
+    }
     fputs(comment, f);
     char named[2][PATH_MAX];
     fprintf(f, "scene: \"%s\"\ndata: {file: \"%s\"",
