@@ -7,7 +7,7 @@ train=$1 portmetd=$2 program=$1
 short=${3:-}
 
 # A damped pendulum whose angle is measured at uneven times; every ninth place is empty.
-for i in 1 2 3 4; do
+for i in 1 2 3 4 5 6 7 8 9 10 11 12; do
     awk -v seed=$i 'BEGIN {
         srand(seed); q = 0.3 + rand(); k = 9
         print "# a logger\nt [s]; \"angle (rad)\""
@@ -18,7 +18,7 @@ for i in 1 2 3 4; do
             for (j = 0; j < 20; j++) { v += wait/20*(-k*sin(q) - 0.2*v); q += wait/20*v }
             t += wait
         }
-    }' >"$folder/swing_$i.csv"
+    }' >"$folder/$([ $i -le 4 ] && echo swing || echo more)_$i.csv"
 done
 cat >"$folder/pendulum.yaml" <<'END'
 scene: pendulum
@@ -64,6 +64,14 @@ grep -q "arm.p: predictions depend" "$folder/out" && fail "evaluate: the angle d
 h5dump -H -d /y "$folder/y.h5" | grep -q "( 1, 250, 1 )" || fail "record: expected /y [trajectory][time][column]"
 h5dump -H -d /deviation "$folder/y.h5" >/dev/null || fail "record: expected standard deviations"
 h5dump -H -d /state_deviation "$folder/y.h5" | grep -q "( 1, 250, 3 )" || fail "record: expected deviations of all states"
+
+# --- the same data have the same black box, however long the fit takes ---
+for substeps in 1 6; do
+    (sed 's/"0:3"/"0:11"/' "$folder/training.yaml" && echo "loss: {substeps: $substeps}") >"$folder/many.yaml"
+    succeed "Black box: " fit "$folder/many.yaml" --data "$folder"/swing_?.csv "$folder"/more_*.csv -o "$folder/many_$substeps"
+    grep "^Black box" "$folder/out" | sed 's/, in .*//' >"$folder/box_$substeps"
+done
+cmp -s "$folder/box_1" "$folder/box_6" || fail "fit: another black box: $(cat "$folder/box_1" "$folder/box_6")"
 
 # --- the same from tables, without a dataset of ours; in degrees, predictions are in degrees ---
 numbers() {

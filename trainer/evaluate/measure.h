@@ -33,10 +33,11 @@ typedef struct pm_measure {
 // threads. Fails like pm_evaluate. The caller frees.
 pm_status pm_measure_make(pm_measure *measure, const pm_system *system, const pm_dataset *dataset,
                           int first, int end, bool thorough, const pm_evaluate_how *how);
-// Trains a black box (inference/black_box.h) on trajectories 0 to ntraining-1 for about `seconds`
-// of CPU time, and measures the rollouts of first to end-1, which are those of the training part or
-// begin behind it. `name` [80] receives what it is. measure->evaluation is NULL if there is none,
-// since the scene has too many variables or the dataset lacks some. PM_ENOMEM. The caller frees.
+// Trains a black box (inference/black_box.h) on trajectories 0 to ntraining-1 for `seconds` of a
+// nominal machine, and measures the rollouts of first to end-1, which are those of the training
+// part or begin behind it. `name` [80] receives what it is. measure->evaluation is NULL if there is
+// none, since the scene has too many variables or the dataset lacks some. PM_ENOMEM. The caller
+// frees.
 pm_status pm_measure_black_box(pm_measure *measure, const pm_system *system,
                                const pm_dataset *dataset, int ntraining, int first, int end,
                                double seconds, char *name);

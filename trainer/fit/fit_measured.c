@@ -1027,9 +1027,7 @@ static pm_status run_black_box(pm_fit *f, const pm_estimate *e, const int *judge
                                     .ntime = ntime,
                                     .row = row,
                                     .given = given};
-    PM_TRY_DONE(pm_black_box_predict(
-        &data, fmax(PM_FIT_BLACK_BOX_SHARE * pm_fit_processor_time(f), PM_FIT_BLACK_BOX_LEAST), out,
-        chosen));
+    PM_TRY_DONE(pm_black_box_predict(&data, PM_FIT_BLACK_BOX_SECONDS, out, chosen));
     for (int i = 0; i < e->count; ++i) {
         const pm_track *t = &tracks.track[held ? ntraining + i : i];
         const double *runs = out[held ? ntraining + i : i];

@@ -551,12 +551,10 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
     if (black_box == NULL) {
         const int ntraining = fit->split.ntraining;
         const int first = r.judged == &r.validation ? ntraining : 0;
-        const double seconds =
-            fmax(PM_FIT_BLACK_BOX_SHARE * pm_fit_processor_time(fit), PM_FIT_BLACK_BOX_LEAST);
         const double before = pm_fit_processor_time(fit);
         PM_TRY_DONE(pm_measure_black_box(&r.regression, fit->training->system, fit->dataset,
                                          ntraining, first, first + r.judged->evaluation->count,
-                                         seconds, r.regression_name));
+                                         PM_FIT_BLACK_BOX_SECONDS, r.regression_name));
         r.black_box = r.regression.evaluation != NULL ? &r.regression : NULL;
         r.regression_seconds = pm_fit_processor_time(fit) - before;
     }

@@ -26,11 +26,11 @@ typedef struct pm_black_box {
     char name[80]; // in words
 } pm_black_box;
 
-// Trains several black boxes, the cheapest first, for about `seconds` of CPU time, and chooses the
-// one with the least error of free runs. Fills predicted [count] -> [ntime][nvalue] for each series
-// that is predicted, and leaves the others as they are: first the known rows, then the free run.
-// Once a prediction is not finite, the rest of the series is NaN. The operations are counted, so
-// that the result does not depend on the clock. PM_EDATA: there are too few rows to train on;
+// Trains several black boxes, the cheapest first, for `seconds` of a nominal machine, and chooses
+// the one with the least error of free runs. Fills predicted [count] -> [ntime][nvalue] for each
+// series that is predicted, and leaves the others as they are: first the known rows, then the free
+// run. Once a prediction is not finite, the rest of the series is NaN. The operations are counted,
+// so that the result does not depend on the clock. PM_EDATA: there are too few rows to train on;
 // PM_ENOMEM.
 pm_status pm_black_box_predict(const pm_black_box_data *data, double seconds,
                                double *const *predicted, pm_black_box *chosen);
