@@ -1,6 +1,11 @@
 // Weights of a system as one vector.
 #include "data/trained.h"
 
+#include <math.h>
+#include <string.h>
+
+#include "model/constants.h"
+
 int pm_trained_count(const pm_system *system) {
     int count = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
@@ -55,6 +60,23 @@ const char *pm_trained_name(const pm_system *system, int component) {
     const int n = scene->physics.nsubsystem;
     return component < n ? scene->physics.subsystem[component].name
                          : scene->physics.port[component - n].name;
+}
+
+double pm_trained_constant(const pm_system *system, int component, const pm_param_entry *entry) {
+    const int n = system->scene->physics.nsubsystem;
+    const pm_constants *constants = component < n ? system->part[component]->spec.constants
+                                                  : system->port[component - n]->spec.constants;
+    const char *name = entry->trained ? pm_constant_name(entry->name) : NULL;
+    for (int i = 0; name != NULL && constants != NULL && constants->learned != NULL; ++i) {
+        if (i == constants->count) {
+            return entry->value[0];
+        }
+        if (strcmp(constants->name[i], name) == 0 &&
+            constants->learned[i] == PM_CONSTANT_POSITIVE) {
+            return exp(entry->value[0]);
+        }
+    }
+    return name == NULL ? NAN : entry->value[0];
 }
 
 const char *pm_trained_place(const pm_system *system, int component) {

@@ -24,6 +24,10 @@ int pm_trained_list(const pm_system *system, pm_trained *list);
 const char *pm_trained_name(const pm_system *system, int component);
 const char *pm_trained_place(const pm_system *system, int component);
 
+// Returns the value of a learned constant of a component, in its own unit: positive constants are
+// stored as logarithms. Returns NAN if the matrix `entry` is no learned constant.
+double pm_trained_constant(const pm_system *system, int component, const pm_param_entry *entry);
+
 // Lets all components of a system that name a shared weight use that of the first one; the weights
 // of the others are then no longer trained. A system whose files come from one fit keeps its
 // values.

@@ -8,6 +8,7 @@
 #include "data/unit_change.h"
 #include "fit/fit.h"
 #include "inference/spectrum.h"
+#include "model/constants.h"
 
 // Training begins again with other initial weights if the best rollouts on the validation part have
 // more than this fraction of the error of persistence.
@@ -20,6 +21,7 @@
 // The number of substeps is doubled at most so often.
 #define MOST_FINER 6
 #define MOST_ROLLOUTS 8     // in one validation
+#define MOST_CONSTANTS 24   // that are printed
 #define MOST_VALIDATIONS 10 // in a stage
 #define SHARE 0.1           // of the time at most, besides one validation at the end of each stage
 // The cost of an operation of a rollout, which runs sample by sample, in operations of the
@@ -449,6 +451,29 @@ static void print_laws(const pm_measure *m) {
     }
 }
 
+// Prints the learned constants.
+static void print_constants(const pm_system *system) {
+    int count = 0;
+    for (int i = 0; i < pm_system_components(system); ++i) {
+        const pm_params *params = pm_system_params(system, i);
+        for (int k = 0; k < params->count; ++k) {
+            const pm_param_entry *entry = &params->entry[k];
+            const double value = pm_trained_constant(system, i, entry);
+            if (isnan(value)) {
+                continue;
+            }
+            if (count < MOST_CONSTANTS) {
+                printf("%s  %s.%s = %.5g\n", count == 0 ? "Learned constants:\n" : "",
+                       pm_trained_name(system, i), pm_constant_name(entry->name), value);
+            }
+            ++count;
+        }
+    }
+    if (count > MOST_CONSTANTS) {
+        printf("  and %d more\n", count - MOST_CONSTANTS);
+    }
+}
+
 // --- the verdict ---
 
 static void print_verdict(const fit_report *r, const char *where, char *record) {
@@ -559,6 +584,7 @@ static pm_status report(pm_fit *fit, const pm_measure *black_box) {
         r.regression_seconds = pm_fit_processor_time(fit) - before;
     }
     const pm_fit *f = r.fit;
+    print_constants(f->training->system);
     print_cells(&r);
     if (r.judged == &r.validation) {
         printf("Rollouts of %d training and %d validation trajectories, %d states each.\n",

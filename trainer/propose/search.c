@@ -100,35 +100,22 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
 // Lists the learned constants of a system in `found` [PM_SEARCH_FOUND]. spare [weights] numbers
 // those that may as well be zero (pm_uncertainty_spare); NULL: none.
 static void list_constants(const pm_system *system, const int *spare, char *found) {
-    const int nsubsystem = system->scene->physics.nsubsystem;
     size_t length = 0, at = 0;
     for (int i = 0; i < pm_system_components(system); ++i) {
         const pm_params *params = pm_system_params(system, i);
-        const pm_constants *constants = i < nsubsystem
-                                            ? system->part[i]->spec.constants
-                                            : system->port[i - nsubsystem]->spec.constants;
         for (int k = 0; k < params->count; ++k) {
             const pm_param_entry *entry = &params->entry[k];
-            const char *constant = pm_constant_name(entry->name);
             if (!entry->trained) {
                 continue;
             }
-            bool positive = false;
-            for (int j = 0; constants != NULL && constants->learned != NULL && j < constants->count;
-                 ++j) {
-                positive = positive ||
-                           (constant != NULL && constants->learned[j] == PM_CONSTANT_POSITIVE &&
-                            strcmp(constants->name[j], constant) == 0);
-            }
-            const double value = constant == NULL ? NAN
-                                 : positive       ? exp(entry->value[0])
-                                                  : entry->value[0];
+            const double value = pm_trained_constant(system, i, entry);
             char mark[NAME_OF_FILE + sizeof PM_SEARCH_SPARE] = "";
             if (spare != NULL && spare[at] != 0) {
                 snprintf(mark, sizeof mark, "%s%d", PM_SEARCH_SPARE, spare[at]);
             }
-            const int n = snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g%s\n",
-                                   pm_trained_name(system, i), constant, value, mark);
+            const int n =
+                snprintf(found + length, PM_SEARCH_FOUND - length, "%s.%s=%.9g%s\n",
+                         pm_trained_name(system, i), pm_constant_name(entry->name), value, mark);
             at += (size_t)(entry->rows * entry->cols);
             if (!isfinite(value) || n < 0 || length + (size_t)n >= PM_SEARCH_FOUND) {
                 *found = '\0';
