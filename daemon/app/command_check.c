@@ -116,8 +116,11 @@ static void print_model(bool known, const char *text, const pm_params *params,
     printf("  weights    %s: %zu numbers, digest %016" PRIx64 "\n", provenance->path,
            pm_params_trained(params), provenance->digest);
     printf("             made by: %s\n", provenance->command);
-    printf("             data %s, seed %" PRIu64 ", loss %.3g, trained for %.0f s\n",
-           provenance->data, provenance->seed, provenance->loss, provenance->seconds);
+    printf("             data %s, seed %" PRIu64, provenance->data, provenance->seed);
+    if (provenance->loss > 0) { // a fit to measurements has none
+        printf(", loss %.3g", provenance->loss);
+    }
+    printf(", trained for %.0f s\n", provenance->seconds);
     if (*provenance->system != '\0') {
         printf("             of the system %s\n", provenance->system);
     }

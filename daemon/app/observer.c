@@ -210,8 +210,11 @@ static void print_report(const pm_report *report, const pm_ledger *ledger, const
     }
 
     if (setup->reference != NULL) {
-        printf("\nRelative L2 error over %d states of %s, trajectory %d\n", report->ncompared,
-               scene->run.reference, scene->run.reference_trajectory);
+        printf("\nRelative L2 error over %d states of %s, trajectory %d%s\n", report->ncompared,
+               scene->run.reference, scene->run.reference_trajectory,
+               pm_columns_combine(&setup->columns, scene)
+                   ? "; groups of one name in several subsystems are one row"
+                   : "");
     }
     for (int i = 0; setup->reference != NULL && i < setup->columns.ngroup; ++i) {
         const char *name = setup->columns.group_name[i];

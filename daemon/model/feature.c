@@ -305,20 +305,22 @@ static pm_status parse(const char *expression, const pm_symbols *symbols,
                 used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", k > 0 ? ", " : "",
                                          symbols->symbol[k].name);
             }
-            return pm_fail(PM_ECONFIG, "feature \"%s\": there is no \"%s\" here, only %s",
+            return pm_fail(PM_ECONFIG,
+                           "formula or feature \"%s\": there is no \"%s\" here, only %s",
                            expression, *x == NULL ? first : second, list);
         }
         if ((*x)->size != (*y)->size || (!forms[i].scalar && *x != *y)) {
-            return pm_fail(PM_ECONFIG, "feature \"%s\": \"%s\" and \"%s\" do not fit together",
+            return pm_fail(PM_ECONFIG,
+                           "formula or feature \"%s\": \"%s\" and \"%s\" do not fit together",
                            expression, first, second);
         }
         return PM_OK;
     }
-    return pm_fail(
-        PM_ECONFIG,
-        "feature \"%s\": expected x, |x|, ln|x|, |x|^2, |x-y|, ln|x-y|, <x,y>, sin(x), cos(x), "
-        "ln(x), |min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
-        expression);
+    return pm_fail(PM_ECONFIG,
+                   "formula or feature \"%s\": expected x, |x|, ln|x|, |x|^2, |x-y|, ln|x-y|, "
+                   "<x,y>, sin(x), cos(x), "
+                   "ln(x), |min(x,0)|, |min(x,0)|^2, x/|x| or x/|x|^2",
+                   expression);
 }
 
 void pm_symbols_add(pm_symbols *symbols, pm_graph *g, const pm_layout *layout, const char *prefix,

@@ -51,6 +51,17 @@ static pm_status bind_subsystem(pm_columns *c, const pm_scene_subsystem *subsyst
     return PM_OK;
 }
 
+bool pm_columns_combine(const pm_columns *columns, const pm_scene *scene) {
+    int mapped = 0;
+    for (int i = 0; i < scene->physics.nsubsystem; ++i) {
+        const pm_scene_subsystem *own = &scene->physics.subsystem[i];
+        for (int g = 0; g < own->layout.ngroup; ++g) {
+            mapped += columns->group[own->first + own->layout.group[g].first] >= 0;
+        }
+    }
+    return mapped > columns->ngroup;
+}
+
 pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_id,
                                 const char *column, const char *unit) {
     const pm_group *group = &subsystem->layout.group[group_id];

@@ -34,6 +34,9 @@ pm_status pm_columns_convert(const pm_scene *scene, pm_dataset *dataset);
 pm_status pm_columns_bind(pm_columns *columns, const pm_scene *scene, const pm_dataset *dataset,
                           pm_arena *arena);
 
+// Returns true if a name in group_name stands for groups of several subsystems.
+bool pm_columns_combine(const pm_columns *columns, const pm_scene *scene);
+
 // Compares the unit of a column in the dataset with that of the group that the scene maps it to,
 // after pm_columns_convert; an empty unit is not known and equals any. PM_EDATA: they differ.
 pm_status pm_columns_check_unit(const pm_scene_subsystem *subsystem, int group_id,

@@ -325,6 +325,7 @@ evaluate "$data" all && says '^10 of these 10 trajectories are ones that the wei
 evaluate "$three" all && says '^unseen: the weights were trained on none of these 3 trajectories'
 fit honest some --trajectories 0:5 || fail "--trajectories 0:5"
 evaluate "$data" some && says '^5 trajectories that the weights were trained or validated on are left out'
+says '^Groups of one name in several subsystems are one row'
 # Exchanged weights, and a position that is no longer measured from its neighbour.
 mkdir "$folder/exchanged"
 cp "$folder/honest/joint.h5" "$folder/exchanged"

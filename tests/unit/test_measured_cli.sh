@@ -84,6 +84,9 @@ succeed "unseen" evaluate "$folder/pendulum.yaml" --weights "$folder/tables" --d
 numbers "$folder/y.h5" >"$folder/y.txt"
 numbers "$folder/t.h5" | cmp -s - "$folder/y.txt" || fail "evaluate of a table: other predictions"
 sed -e 's/size: 1, hidden: {deviation: 2.0}/columns: [angle]/' -e '/^observations/d' "$folder/pendulum.yaml" >"$folder/direct.yaml"
+# A refusal names the table, not the dataset that it was read into.
+expect 5 "$folder/swing_4.csv: the times of trajectory 0 are not" evaluate "$folder/direct.yaml" --weights "$folder/tables" \
+    --data "$folder/swing_4.csv"
 # A trajectory that no start follows spoils no other.
 awk -F'; ' -v OFS='; ' 'NR > 2 && $2 != "" { $2 = $2 "e200" } { print }' "$folder/swing_4.csv" >"$folder/huge.csv"
 succeed "unseen" evaluate "$folder/direct.yaml" --weights "$folder/tables" --data "$folder/swing_4.csv" "$folder/huge.csv" --estimate 1.5

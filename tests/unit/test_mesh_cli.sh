@@ -114,7 +114,7 @@ END
 msh 5 "2 9 10 3 6 11 12 7" >"$folder/two.msh"
 says 0 "2 hexahedra, 12 nodes, of which 4 are clamped" "$mesh" "$folder/two.msh" --clamped wall -o "$folder/two.h5"
 truth two "s,mesh: [^ ]*,mesh: two.h5,; s/states: 6/states: 3/; s/\[1.0e4, 5.0e4\]/[100, 200]/"
-says 0 "1 trajectories of 3 states" "$train" truth "$folder/two.yaml" --trajectories 0:1 -o "$folder/of_two.h5"
+says 0 "1 trajectory of 3 states" "$train" truth "$folder/two.yaml" --trajectories 0:1 -o "$folder/of_two.h5"
 says 5 'no physical group "clamped", found: wall, body' "$mesh" "$folder/two.msh" -o "$folder/none.h5"
 msh 4 "2 9 10 11" >"$folder/mixed.msh"
 says 5 "element 3 (one of 1) is a Tetrahedron 4, expected hexahedra" "$mesh" "$folder/mixed.msh" --clamped wall -o "$folder/none.h5"

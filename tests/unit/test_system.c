@@ -157,11 +157,11 @@ static void test_known_models(void **state) {
         assert_false(digest_of(known, folder, other[i][0], other[i][1]) == digest);
     }
     static const char *const bad[][3] = {
-        {"|p|^2", "|v|^2", ":4:19: feature \"|v|\": there is no \"v\" here"},
+        {"|p|^2", "|v|^2", ":4:19: formula or feature \"|v|\": there is no \"v\" here"},
         {"0.5]", "-0.5]", ":5:38: irreversible: given pair [a.s, b.s] has -0.5"},
         {"[a.s, b.s,", "[a.s, b.q,", ":5:38: irreversible: given pair [a.s, b.q] must name two"},
         {"expose: {upper: s, lower: s}", "expose: {upper: s, lower: p}", "(model of joint)"},
-        {"0.5]", "\"k\"]", ":5:58: feature \"k\": there is no \"k\" here"},
+        {"0.5]", "\"k\"]", ":5:58: formula or feature \"k\": there is no \"k\" here"},
         {"entropy: s", "entropy: {features: s}", ":7:18: the model of upper has 1 numbers to be"},
         {"entropy: s,", "reversible: {learned: {acts_on: p}}, ", ":7:18: the model of upper has 4"},
         {"law: bracket, irr", "law: exchange, irr",

@@ -133,14 +133,14 @@ with_modes() {
 with_modes ''
 succeed "modes.h5: 16 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" -o "$folder/modes"
 basis=$folder/modes/basis.h5
-succeed "modes.h5: 1 trajectories of 5 states" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/one"
+succeed "modes.h5: 1 trajectory of 5 states" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/one"
 succeed "stress  " reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 -o "$new"
 succeed "displacement                 0         0         0" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$new"
 succeed "Trained on, %" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5" --trajectories 1 --trained 1
-expect 2 "1 trajectories in $folder/one/modes.h5, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
+expect 2 "trajectories: 1 in $folder/one/modes.h5, 2 of the truth" reconstruct "$folder/one/modes.h5" --basis "$basis" --truth "$folder/beam.h5"
 expect 2 "0 is named twice" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,0: -o "$folder/one"
 expect 2 "expected A:B" reduce "$modes" --data "$folder/beam.h5" --trajectories 0,,1 -o "$folder/one"
-succeed "modes.h5: 1 trajectories" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
+succeed "modes.h5: 1 trajectory" reduce "$modes" --data "$folder/beam.h5" --basis "$basis" --trajectories 1 -o "$folder/new/deep"
 expect 4 "$new: cannot make or write this folder" reduce "$modes" --data "$folder/beam.h5" -o "$new" # a file
 expect 5 "no column \"a0\"" reconstruct "$data" --basis "$basis"
 expect 5 "modes.h5" reconstruct "$folder/one/modes.h5" --basis "$folder/one/modes.h5"
@@ -150,7 +150,7 @@ nodes=$folder/nodes.h5
 mesh=$folder/mesh.h5
 succeed "20 nodes, 4 bricks" nodes "$folder/beam.h5" --mesh "$mesh" -o "$nodes"
 grep -q "nodes.h5: 2 trajectories of 5 states, 241 columns" "$folder/out" || fail "nodes: what it wrote"
-succeed "1 trajectories of 5 states, 241 columns" nodes "$folder/beam.h5" --mesh "$mesh" --trajectories 1 -o "$folder/one/nodes.h5"
+succeed "1 trajectory of 5 states, 241 columns" nodes "$folder/beam.h5" --mesh "$mesh" --trajectories 1 -o "$folder/one/nodes.h5"
 expect 2 "mesh" nodes "$folder/beam.h5" -o "$nodes"
 for states in 6 1.5 0 3x; do
     expect 2 "--states: expected a" nodes "$folder/beam.h5" --mesh "$mesh" --states "$states" -o "$nodes"
@@ -180,7 +180,7 @@ succeed "modes.h5: 2 trajectories of 8 states" reduce "$modes" --data "$folder/b
 with_beams ''
 succeed "lower_upper.h5: 2 contact pairs, 1 m apart" contact "$beam" --basis "$basis" --stiffness 1e6 --creep 1e-6 -o "$folder/two"
 [ -e "$folder/two/lower_upper.h5" ] && [ ! -e "$folder/two/modes.h5" ] || fail "contact: its files"
-succeed "modes.h5: 1 trajectories of 8 states" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" --trajectories 0:1 -o "$folder/two"
+succeed "modes.h5: 1 trajectory of 8 states" contact "$beam" --basis "$basis" --stiffness 1e6 --data "$fields" --trajectories 0:1 -o "$folder/two"
 succeed "displacement" reconstruct "$folder/two/modes.h5" --body upper --basis "$basis" --truth "$folder/beams_upper.h5" --trajectories 0
 with_contact="reconstruct $folder/two/modes.h5 --basis $basis --contact $beam"
 succeed "stress" $with_contact --body upper --weights "$folder/two" --truth "$folder/beams_upper.h5" --trajectories 0
@@ -191,7 +191,7 @@ expect 2 'places no "middle"' $with_contact --body middle --weights "$folder/two
 succeed "in 1 of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 0 --score "$folder/two/modes.h5" --weights "$folder/two"
 succeed "touch in none of 1 trajectories" contact "$beam" --basis "$basis" --data "$fields" --trajectories 1 --score "$folder/two/modes.h5" --weights "$folder/two"
 expect 5 'no column "middle_a0"' reconstruct "$folder/two/modes.h5" --body middle --basis "$basis"
-expect 2 "1 trajectories of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --weights "$folder/two"
+expect 2 "trajectories: 1 of modes, 2 of the fields" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5" --weights "$folder/two"
 expect 2 "--stiffness: expected a number > 0, found \"1e6N\"" contact "$beam" --basis "$basis" --stiffness 1e6N -o "$folder/two"
 expect 2 "--score needs --data" contact "$beam" --basis "$basis" --score "$folder/two/modes.h5"
 expect 2 "needs the --weights of the recording" contact "$beam" --basis "$basis" --data "$fields" --score "$folder/two/modes.h5"

@@ -135,9 +135,9 @@ static double coverage(const prediction *j, int column) {
 static void print_tables(prediction *j) {
     const pm_estimate *e = &j->estimate;
     const int ny = j->estimate.ny;
-    printf("Starts estimated in the first %g s of %d trajectories; error after that, %% of the "
+    printf("Starts estimated in the first %g s of %d trajector%s; error after that, %% of the "
            "deviation of the whole trajectory\n",
-           j->seconds, j->count);
+           j->seconds, j->count, j->count == 1 ? "y" : "ies");
     printf("%-16s %10s %10s %10s %12s %18s\n", "column", "median", "mean", "largest", "residual",
            "inside 90 % bands");
     for (int c = 0; c < ny; ++c) {

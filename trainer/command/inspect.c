@@ -55,8 +55,8 @@ static pm_status print_facts(const pm_dataset *d, const char *const *unit, const
     for (size_t i = 0; i < steps; ++i) {
         gaps += work[i] > GAP * median;
     }
-    printf("%s: %d trajectories of %.6g to %.6g s, at most %d samples each\n", path, d->ntrajectory,
-           shortest, longest, d->ntime);
+    printf("%s: %d trajector%s of %.6g to %.6g s, at most %d samples each\n", path, d->ntrajectory,
+           d->ntrajectory == 1 ? "y" : "ies", shortest, longest, d->ntime);
     if (d->times == NULL || work[steps - 1] - work[0] <= EVEN * median) {
         printf("times: even, %.9g s apart\n", d->dt);
     } else {

@@ -114,6 +114,7 @@ pm_status pm_data_open(pm_data_file *data, const pm_words *given, const char *ke
         return pm_fail(PM_EUSAGE, "%s: the path is too long", keep);
     }
     data->path = data->own;
+    data->table = given->word[0];
     const pm_tables_how how = {.temporary = data->temporary};
     const pm_status status = pm_tables_import(given->count, given->word, data->own, &how, quiet);
     if (status != PM_OK) {
@@ -123,8 +124,12 @@ pm_status pm_data_open(pm_data_file *data, const pm_words *given, const char *ke
 }
 
 void pm_data_close(pm_data_file *data) {
+    const size_t length = strlen(data->own);
     if (data->temporary) {
         unlink(data->own);
+        if (strncmp(pm_error(), data->own, length) == 0) {
+            (void)pm_fail(PM_EDATA, "%s%s", data->table, pm_error() + length);
+        }
     }
     data->temporary = false;
 }

@@ -27,8 +27,9 @@ pm_status pm_tables_import(int count, const char *const *table, const char *outp
 
 // The dataset that the option --data of a command names.
 typedef struct pm_data_file {
-    const char *path; // NULL: the option was not given
-    bool temporary;   // pm_data_close removes the file
+    const char *path;  // NULL: the option was not given
+    bool temporary;    // pm_data_close removes the file
+    const char *table; // the first of the tables that were imported
     char own[PATH_MAX];
 } pm_data_file;
 
@@ -36,7 +37,8 @@ typedef struct pm_data_file {
 // files, are imported. The new dataset is kept as `keep`, or is temporary if that is NULL. Fails as
 // pm_tables_import does.
 pm_status pm_data_open(pm_data_file *data, const pm_words *given, const char *keep, bool quiet);
-// Removes a temporary dataset. A zeroed structure is allowed.
+// Removes a temporary dataset. An error that begins with its path then begins with that of the
+// first table. A zeroed structure is allowed.
 void pm_data_close(pm_data_file *data);
 
 #endif

@@ -213,8 +213,8 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
         PM_TRY_DONE(leave_out(dataset, first, missing, seed));
     }
     PM_TRY_DONE(pm_dataset_save(dataset, a.output));
-    printf("wrote %s: %d trajectories of %d states, %g s apart\n", a.output, end - first,
-           truth->ntime, truth->dt);
+    printf("wrote %s: %d trajector%s of %d states, %g s apart\n", a.output, end - first,
+           end - first == 1 ? "y" : "ies", truth->ntime, truth->dt);
 done:
     pm_dataset_free(dataset);
     pm_truth_free(truth);

@@ -513,13 +513,18 @@ pm_status pm_seen_choose(const pm_system *system, const pm_dataset *dataset, con
             }
         }
         if (!quiet) {
-            printf("%d trajectories that %s are left out; --trajectories names them\n", nseen,
-                   where);
+            printf("%d trajector%s that %s %s left out; --trajectories names %s\n", nseen,
+                   nseen == 1 ? "y" : "ies", where, nseen == 1 ? "is" : "are",
+                   nseen == 1 ? "it" : "them");
         }
     } else if (*known && !quiet) {
-        if (nseen > 0) {
+        if (nseen > 0 && *count == 1) {
+            printf("this trajectory is one that %s: no test of them\n", where);
+        } else if (nseen > 0) {
             printf("%d of these %d trajectories are ones that %s: no test of them\n", nseen, *count,
                    where);
+        } else if (*count == 1) {
+            printf("unseen: the weights were not trained on this trajectory\n");
         } else {
             printf("unseen: the weights were trained on none of these %d trajectories\n", *count);
         }

@@ -145,7 +145,10 @@ static void print_errors(const pm_evaluation *e, const char *title) {
     } else {
         printf("%s: %d between %d and %d, ", title, e->count, first, last);
     }
-    printf("%d states %g s apart\n\n", e->truth->ntime, e->truth->dt);
+    printf("%d states %g s apart\n", e->truth->ntime, e->truth->dt);
+    printf(pm_columns_combine(&e->columns, e->system->scene)
+               ? "Groups of one name in several subsystems are one row.\n\n"
+               : "\n");
     printf("Relative L2 error, %%   %9s %9s %9s %9s %9s %9s %11s %12s\n", "whisker", "quartile",
            "median", "quartile", "whisker", "mean", "persistence", "of deviation");
     for (int g = 0; g < e->columns.ngroup; ++g) {

@@ -311,7 +311,7 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     }
     fprintf(f,
             PM_PROPOSED
-            " from %d trajectories of at most %d samples.\n"
+            " from %d trajector%s of at most %d samples.\n"
             "# Sensors show co-energies: velocities, temperatures, currents. The momenta, "
             "entropies and\n"
             "# fluxes that belong to them are inside (`coenergy: true`).\n"
@@ -319,8 +319,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             "system: \"data %016" PRIx64 "\"   # weights of other data are refused\n"
             "time: {dt: %.17g, steps: %d, integrator: rk4, substeps: %d}\n"
             "subsystems:\n",
-            d->ntrajectory, d->ntime, digest, d->dt, shortest > 1 ? shortest - 1 : 1,
-            (int)fmin(fmax(wanted, 1), MOST_SUBSTEPS));
+            d->ntrajectory, d->ntrajectory == 1 ? "y" : "ies", d->ntime, digest, d->dt,
+            shortest > 1 ? shortest - 1 : 1, (int)fmin(fmax(wanted, 1), MOST_SUBSTEPS));
     for (int i = 0; i < v->npart; ++i) {
         fprintf(f, "  %s:\n    weights: weights/%s.h5\n    state:\n", v->part[i], v->part[i]);
         for (int c = 0; c < v->nvariable; ++c) {

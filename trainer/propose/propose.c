@@ -66,9 +66,10 @@ static pm_status write_vector(void *context, const int *chosen, const char *comm
                                         "soft: the degeneracies are a penalty",
                                         "free: no structure at all, a baseline"};
     fprintf(f,
-            PM_PROPOSED " from the units, the ports and %d trajectories of %d "
+            PM_PROPOSED " from the units, the ports and %d trajector%s of %d "
                         "states,\n# %g s apart. Form %s.\n",
-            data->ntrajectory, data->ntime, data->dt, forms[d->p->form]);
+            data->ntrajectory, data->ntrajectory == 1 ? "y" : "ies", data->ntime, data->dt,
+            forms[d->p->form]);
     fprintf(f, "# The fastest rate changes by a factor of %.3g per s, %.3g per step of %g s. ",
             d->look.fastest, d->look.fastest * physics->dt, physics->dt);
     if (d->look.decay > 0) {

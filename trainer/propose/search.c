@@ -734,8 +734,9 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
             printf("none of %d hypotheses leads to a model (%s): the file is a beginning to edit\n",
                    s->ncandidate, kept->reason);
         } else if (loud) {
-            printf("%d hypothes%s of %d choices were tried in %.0f s of CPU; %s\n", s->ncandidate,
-                   s->ncandidate == 1 ? "is" : "es", space->count, s->used,
+            printf("tried %d hypothes%s about %d choice%s in %.0f s of CPU; %s\n", s->ncandidate,
+                   s->ncandidate == 1 ? "is" : "es", space->count, space->count == 1 ? "" : "s",
+                   s->used,
                    s->best == 0 ? "the first one is kept"
                                 : "the head of the file says which one is kept");
         }

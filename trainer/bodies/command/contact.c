@@ -78,7 +78,7 @@ static pm_status score(const pm_body_assembly *assembly, const pm_field *const *
                                      a->modes));
     if (count != modes->ntrajectory) {
         PM_TRY_DONE(pm_fail(PM_EUSAGE,
-                            "%d trajectories of modes, %d of the fields (--trajectories)",
+                            "trajectories: %d of modes, %d of the fields (--trajectories)",
                             modes->ntrajectory, count));
     }
     double *error = pm_arena_array(&arena, (size_t)count, sizeof *error);

@@ -37,8 +37,8 @@ pm_status pm_fields_save(const pm_field *field, const char *path, const char *ti
     const char *const notes[][2] = {{"title", title}, {"source", source}, {"command", command}};
     PM_TRY(pm_field_save(field, path, (int)(sizeof notes / sizeof *notes), notes));
     PM_TRY(field->nelement == 0 ? PM_OK : pm_xdmf_save(field, path));
-    printf("wrote %s: %d trajectories of %d states, %d nodes\n", path, field->ntrajectory,
-           field->ntime, field->nnode);
+    printf("wrote %s: %d trajector%s of %d states, %d nodes\n", path, field->ntrajectory,
+           field->ntrajectory == 1 ? "y" : "ies", field->ntime, field->nnode);
     return PM_OK;
 }
 
@@ -55,7 +55,7 @@ pm_status pm_modes_save(pm_dataset *modes, const pm_basis *basis, const char *da
     const char *path = pm_arena_printf(&modes->arena, "%s/modes.h5", folder);
     PM_TRY(pm_arena_status(&modes->arena, "a path"));
     PM_TRY(pm_dataset_save(modes, path));
-    printf("wrote %s: %d trajectories of %d states, %d columns\n", path, modes->ntrajectory,
-           modes->ntime, modes->ncolumn);
+    printf("wrote %s: %d trajector%s of %d states, %d columns\n", path, modes->ntrajectory,
+           modes->ntrajectory == 1 ? "y" : "ies", modes->ntime, modes->ncolumn);
     return PM_OK;
 }

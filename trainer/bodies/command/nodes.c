@@ -61,8 +61,8 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
     PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
     PM_TRY_DONE(pm_dataset_save(nodes, a.output));
-    printf("wrote %s: %d trajectories of %d states, %d columns\n", a.output, nodes->ntrajectory,
-           nodes->ntime, nodes->ncolumn);
+    printf("wrote %s: %d trajector%s of %d states, %d columns\n", a.output, nodes->ntrajectory,
+           nodes->ntrajectory == 1 ? "y" : "ies", nodes->ntime, nodes->ncolumn);
 done:
     pm_dataset_free(nodes);
     pm_field_free(field);

@@ -197,7 +197,7 @@ pm_status pm_command_reconstruct(int argc, char **argv, const volatile sig_atomi
             pm_trajectories_list(a.trajectories, truth->ntrajectory, &arena, &trajectory, &count));
         if (count != dataset->ntrajectory) {
             PM_TRY_DONE(pm_fail(PM_EUSAGE,
-                                "%d trajectories in %s, %d of the truth (--trajectories)",
+                                "trajectories: %d in %s, %d of the truth (--trajectories)",
                                 dataset->ntrajectory, a.dataset, count));
         }
     }

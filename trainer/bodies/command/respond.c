@@ -115,9 +115,9 @@ static void print_report(int nscore, int count, const response *r, double second
                                                       "stored energy", "dissipated energy"};
     double residual = 0, least = INFINITY, off = 0;
     long steps = 0, iterations = 0, violations = 0;
-    printf("Relative L2 errors over %d trajectories, %%\n"
+    printf("Relative L2 errors over %d trajector%s, %%\n"
            "                       quartile   median quartile  largest\n",
-           count);
+           count, count == 1 ? "y" : "ies");
     for (int k = 0; k < nscore; ++k) {
         for (int i = 0; i < count; ++i) {
             value[i] = 100 * r[i].error[k];

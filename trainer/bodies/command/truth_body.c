@@ -119,8 +119,8 @@ static pm_status write_fields(const pm_truth *truth, int first, int count, const
         PM_TRY_DONE(pm_field_save(field[k], own[k],
                                   (int)(sizeof notes / sizeof *notes) - (named ? 0 : 2), notes));
         PM_TRY_DONE(pm_xdmf_save(field[k], own[k]));
-        printf("wrote %s: %d trajectories of %d states, %g s apart, %d nodes\n", own[k], count,
-               truth->ntime, truth->dt, field[k]->nnode);
+        printf("wrote %s: %d trajector%s of %d states, %g s apart, %d nodes\n", own[k], count,
+               count == 1 ? "y" : "ies", truth->ntime, truth->dt, field[k]->nnode);
     }
 done:
     for (int k = 0; k < nbody && field != NULL; ++k) {
