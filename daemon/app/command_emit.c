@@ -159,7 +159,8 @@ static const char *number_text(emission *e, const char *name, int64_t value) {
     return value == 0 ? "" : pm_arena_printf(&e->arena, "%s %lld ", name, (long long)value);
 }
 
-// Returns what follows KIND in the names of the unit and of the environment file of process i.
+// Returns the part of a name that tells process i from the others: the unit and the environment
+// file are called KIND@<this>. Past the last process it is the scene's name, the coordinator's.
 static const char *instance_of(emission *e, int i) {
     const pm_scene *scene = e->scene;
     return i < scene->network.nprocess

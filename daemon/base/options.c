@@ -89,8 +89,8 @@ static pm_status take_option(const pm_options *options, int argc, char **argv, i
     return PM_OK;
 }
 
-// Fails because of the number of positional arguments, `found`; `unexpected` is the first that is
-// too many, or NULL if one is missing.
+// Fails with a message about the number of positional arguments. `found` were given; `unexpected`
+// is the first one too many, or NULL if too few were given.
 static pm_status fail_positional(const pm_options *options, const char *command, int found,
                                  const char *unexpected) {
     char detail[128];

@@ -7,8 +7,12 @@ import os
 import subprocess
 import sys
 
-import numpy as np
-import portmet
+try:
+    import numpy as np
+    import portmet
+except ImportError as error:
+    sys.exit(f"{sys.executable}: {error}; on Debian use /usr/bin/python3, with python3-numpy and python3-h5py")
+
 
 picture = os.path.abspath(sys.argv[1]) if __name__ == "__main__" and sys.argv[1:] else None
 os.chdir(os.environ.get("PORTMET_EXAMPLE", "build"))

@@ -45,8 +45,8 @@ bool pm_identity_is_rival(const pm_identity *identity, const portmet_hello_t *he
 // Returns true if this instance was started before `instance`.
 bool pm_identity_is_older(const pm_identity *identity, int64_t instance);
 
-// Publishes a command of this instance. A refusal that answers no hello does not end the instance
-// that it names. That one sends a hello, and only a refusal that answers this hello ends it.
+// Publishes a command of this instance. An instance that is refused does not end at once: it first
+// sends a hello, and ends if a refusal answers that hello. A replayed refusal ends nobody.
 // PM_ENET.
 pm_status pm_identity_publish_command(const pm_identity *identity, portmet_command_t command);
 

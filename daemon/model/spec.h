@@ -49,7 +49,8 @@ typedef struct pm_layout {
 // Appends a group behind the others of a layout, which has room for it, and sets its role. The
 // layout borrows both texts.
 void pm_layout_add(pm_layout *layout, const char *name, const char *unit, int size);
-// Marks the last group of a layout as one that is shown by its co-energy, and sets its role anew.
+// Marks the last group of a layout as one that is shown by its co-energy, and renews its
+// role, which then follows from the unit of the co-energy.
 void pm_layout_mark_coenergy(pm_layout *layout);
 // Returns the group called `name`, or NULL.
 const pm_group *pm_layout_find(const pm_layout *layout, const char *name);

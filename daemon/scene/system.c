@@ -40,7 +40,8 @@ static source source_of(const pm_scene *scene, int component) {
 
 // --- models ---
 
-// Makes an empty model of its own for a component, with the scene's layouts.
+// Makes a model without weights for a component, with the scene's layouts. No other component
+// shares the model.
 static pm_status make_model(pm_system *system, int component) {
     const source from = source_of(system->scene, component);
     const int nsubsystem = system->scene->physics.nsubsystem;

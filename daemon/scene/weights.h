@@ -38,9 +38,9 @@ struct pm_provenance {
     const char *path;    // of the file; set by loading, ignored by saving
     const char *command; // that made the weights
     const char *data;    // on which they were trained
-    // The file that gives the variables a meaning, such as "basis 0123456789abcdef"; the note
-    // `coordinates` of a dataset has this text, too. "" or, when saving, NULL: no such file is
-    // needed.
+    // Names the file without which the variables have no meaning, such as the basis of modes, by
+    // its digest: "basis 0123456789abcdef". Datasets have the same text as their note
+    // `coordinates`. "" or, when saving, NULL: there is no such file.
     const char *coordinates;
     // The integrator whose steps the training fitted, and the length of one step. "" or, when
     // saving, NULL: the training fitted rates, or nothing is known.

@@ -149,8 +149,9 @@ static pm_status parse_url(const char *url, lcm_url *parsed) {
 // Tests whether this host can send and receive multicast. The test comes before LCM is opened,
 // because LCM prints a page of text to standard error if multicast fails.
 // The commands that enable multicast on one host, for error messages.
-#define MULTICAST_REMEDY \
-    "run \"ip link set lo multicast on\" and \"ip route add 224.0.0.0/4 dev lo\""
+#define MULTICAST_REMEDY                                              \
+    "run \"ip link set lo up\", \"ip link set lo multicast on\" and " \
+    "\"ip route add 224.0.0.0/4 dev lo\""
 
 // On one host a datagram takes microseconds, but a busy machine may wake this process late.
 #define ECHO_TIMEOUT 500 // ms

@@ -190,9 +190,10 @@ done
 
 # Without a route for multicast: the commands that mend it.
 ip route del 224.0.0.0/4 dev lo
+remedy='run "ip link set lo up", "ip link set lo multicast on" and "ip route add 224.0.0.0/4 dev lo"'
 for command in run coordinator; do
     start $command $command "$scene"
-    ends $command $pid 7 'run "ip link set lo multicast on" and "ip route add 224.0.0.0/4 dev lo"'
+    ends $command $pid 7 "$remedy"
 done
 
 # Such a run leaves an older recording alone, and begins none.

@@ -421,7 +421,8 @@ static void every_comparison_can_spoil_the_verdict(void **state) {
     assert_string_equal(v.reason[2], "reason 4");
 }
 
-// The components of an entropy have a temperature each, a scalar needs no separate summands.
+// Each component of an entropy is a body with a temperature of its own, so that the energy is a sum
+// over components (`separate`). An entropy of one component needs no such sum.
 static void components_of_an_entropy_are_bodies_of_their_own(void **state) {
     (void)state;
     static const char *const feature[] = {"s"};

@@ -85,8 +85,9 @@ static void bound(track *t, const pm_samples *s, const pm_dataset *d, int trajec
     t->end = enough ? t->end : t->first;
 }
 
-// Cuts one trajectory into windows and returns the end of them. In place of weights they hold
-// estimated errors. square [nz] gains the squares of their increments.
+// Cuts one trajectory into windows, and returns the address behind the last one. Where a window has
+// room for weights, this function writes estimated errors. Adds the squares of the increments to
+// square [nz].
 static double *cut(const pm_samples *s, const track *t, const pm_dataset *d, pm_residual residual,
                    double *window, double *square) {
     const size_t nz = (size_t)s->nz,

@@ -27,8 +27,9 @@ bool pm_loss_balances(const pm_loss *loss, const pm_system *system);
 // The nodes that pm_loss_graph_build makes.
 typedef struct pm_loss_nodes {
     pm_node input; // [1][pm_samples_width] batched: a window (data/samples.h)
-    // [1][unroll nz]: (z - z_data) weight / scale after each step. Beside rates the error of the
-    // energy balance times the root of its weight follows, where the system has a balance.
+    // [1][unroll nz]: (z - z_data) weight / scale after each step. If rates are compared and
+    // pm_loss_balances is true, a last number follows: the error of the energy balance times the
+    // root of its weight.
     pm_node residual;
     // [1][...]: the components of L dS and M dE of every subsystem and port at the first state of
     // each step, in scaled coordinates, divided by the root of `unroll`. The sum of their squares

@@ -109,7 +109,7 @@ static pm_status build_matrix(pm_gauss_newton *n, pm_graph *g, const pm_node *le
             PM_TRY(pm_program_open(&l->program, g, noutput, output, MATRIX_CHUNK));
             l->jacobian = pm_arena_array(
                 &n->arena, (size_t)MATRIX_CHUNK * (size_t)n->nresidual * size, sizeof *l->jacobian);
-        } else { // the lanes of a member of a team take turns
+        } else { // in a team the lanes of a process run one after the other, and share these
             l->program = n->lane[0].program;
             l->jacobian = n->lane[0].jacobian;
         }
@@ -252,7 +252,7 @@ static pm_status build_product(pm_gauss_newton *p, pm_graph *g, const pm_node *l
         if (p->context.loss->team == NULL || i == 0) {
             PM_TRY(pm_program_open(&l->program, g, nlinear, linear, p->chunk));
             PM_TRY(pm_program_open(&l->multiply, g, nmultiply, multiply, p->chunk));
-        } else { // the lanes of a member of a team take turns
+        } else { // in a team the lanes of a process run one after the other, and share these
             l->program = p->lane[0].program;
             l->multiply = p->lane[0].multiply;
         }
@@ -610,7 +610,7 @@ double pm_damped_equations_penalty(const pm_damped_equations *e, const double *t
     return e->shrinkage / 4 * sum;
 }
 
-// Returns the diagonal of R + S + near I.
+// Returns entry i of the diagonal matrix R + S + near I, which is added to H (normal_equations.h).
 static double ridge(const pm_damped_equations *e, size_t i) {
     return e->hold * e->held[i] + e->bend[i] + e->near;
 }
@@ -699,7 +699,7 @@ static void put_active(const pm_damped_equations *e, const double *own, double *
     }
 }
 
-// Returns the square of a vector in the units of the diagonal.
+// Returns the squared length of a vector, in which each component counts by the diagonal of H.
 static double square(const pm_damped_equations *e, const double *vector) {
     double sum = 0;
     for (int i = 0; i < e->size; ++i) {

@@ -58,8 +58,9 @@ void pm_gauss_newton_evaluate(pm_gauss_newton *form, int count, const int *index
                               double *hessian);
 
 // Computes the gradient [n] of half the mean loss, and an estimate of the diagonal [n] of the
-// matrix: the mean square of J^T u over random signs u, which `seed` decides (Bekas, Kokiopoulou,
-// Saad, Appl. Numer. Math. 57 (2007) 1214). The form must have been opened for products.
+// matrix: the mean of the squares of J^T u over some vectors u of random signs, which are drawn
+// with `seed` (Bekas, Kokiopoulou, Saad, Appl. Numer. Math. 57 (2007) 1214). The form must have
+// been opened for products.
 void pm_gauss_newton_linearise(pm_gauss_newton *form, int count, const int *index, uint64_t seed,
                                double *gradient, double *diagonal);
 
