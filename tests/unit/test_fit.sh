@@ -421,6 +421,9 @@ grep -q "Errors of one step are not measured where boundary inputs act" "$folder
 for text in 'reversible:' 'given: \[\[q, p, 1.0\]\]' 'given: \[\[a.p, b.q, 1.0\]\]' 'stages:'; do
     grep -q -e "$text" "$folder/proposed.yaml" || fail "proposed.yaml: expected $text"
 done
+PORTMET_PROGRESS=1 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/tried.yaml" --budget 1 >"$folder/out" 2>"$folder/err" ||
+    fail "propose --budget 1"
+grep -q 'proposal, s \[' "$folder/err" || fail "propose: expected a bar of progress"
 "$train" propose "$folder/scene.yaml" --data "$data" -o "$folder/box.yaml" --form free >"$folder/out" 2>"$folder/err" ||
     fail "propose --form free"
 grep -q 'upper_q: {unit: "m", columns: \["q1x", "q1y"\]}' "$folder/box_scene.yaml" ||

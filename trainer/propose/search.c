@@ -17,6 +17,7 @@
 #include "base/arena.h"
 #include "base/files.h"
 #include "base/path.h"
+#include "base/progress.h"
 #include "data/trained.h"
 #include "fit/fit.h"
 #include "model/constants.h"
@@ -59,6 +60,7 @@
 #define OF_FINALISTS 2 // times as many samples and iterations
 
 #define AT_ONCE 2         // trials that run side by side
+#define DETAIL 32         // bytes of the text beside a bar of progress
 #define NAME_OF_FILE 16   // room for the name of a file in the folder
 #define OPEN_FOLDERS 8    // while a folder is removed
 #define MICROSECONDS 1e-6 // s
@@ -81,6 +83,7 @@ typedef struct hypothesis_search {
     const char *path;    // of the training file of the winner
     double limit, spent; // s of nominal time
     double used;         // s of CPU time
+    pm_progress progress;
 } hypothesis_search;
 
 // --- trials ---
@@ -459,6 +462,11 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
                 trial[i].failed ? 0 : iteration[i] * (effort[i].iterations - trial[i].iterations);
             c->finalist = c->finalist || stages > 1;
         }
+        if (s->how->loud) {
+            char detail[DETAIL];
+            snprintf(detail, sizeof detail, "%d hypotheses", s->ncandidate);
+            pm_progress_update(&s->progress, lround(fmin(s->spent, s->how->budget)), detail);
+        }
     }
     return PM_OK;
 }
@@ -723,8 +731,12 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
     s->candidate[s->ncandidate++] = (tried_vector){.vector = vector};
     bool interrupted = false;
     if (how->budget > 0 && alternatives > 1) {
+        pm_progress_init(&s->progress, "proposal, s", lround(ceil(how->budget)));
         status = descend(s, alternatives);
         status = status == PM_OK ? decide(s, FOR_FINALISTS * how->budget) : status;
+        if (how->loud) {
+            pm_progress_finish(&s->progress);
+        }
         interrupted = status == PM_EINTERRUPTED && outcome == NULL;
         PM_TRY_DONE(interrupted ? PM_OK : status);
         print_trials(s, comment);
