@@ -870,16 +870,17 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                                     action->effect == PM_LOGGER_THROUGH ||
                                     action->effect == PM_LOGGER_COOLS;
             const bool shifts = action->effect == PM_LOGGER_COOLS && action->enters == 0;
-            char carried[PM_LOGGER_LONG_TEXT], lost[PM_LOGGER_LONG_TEXT];
+            char flow[4 * PM_LOGGER_LONG_TEXT], lost[4 * PM_LOGGER_LONG_TEXT] = "";
             if (action->input != input || y->part != part) {
                 continue;
             }
             snprintf(both, sizeof both, "%.40s_%.40s", u, y->name);
             snprintf(x, sizeof x, "a.%.40s", y->name);
             snprintf(dx, sizeof dx, "a.dE.%.40s", y->name);
-            const bool current =
-                pm_logger_write_current(w, carried, lost, sizeof lost, both, action);
-            if (loses_some != lossy && !(shifts && !lossy) && !current) {
+            if (action->effect == PM_LOGGER_WARMS) {
+                pm_logger_write_heat(w, flow, lost, sizeof lost, both, action);
+            }
+            if (loses_some != lossy && !(shifts && !lossy) && !(lossy && *lost != '\0')) {
                 continue;
             }
             fputs(some ? ", " : first, w->model);
@@ -887,18 +888,6 @@ static void write_input(pm_logger_writer *w, int part, int input) {
             if (shifts && !lossy) {
                 write_shift(w, both, y->name, action->gain);
                 continue;
-            }
-            if (current && lossy) {
-                fprintf(w->model, "[b.x, %s, \"%s\"]", x, lost);
-                continue;
-            }
-            if (current) {
-                fprintf(w->model, "[%s, b.x, \"%s\"], [b.s, b.x, \"-(%s)\"]", x, carried, carried);
-                continue;
-            }
-            char power[4 * PM_LOGGER_LONG_TEXT] = "";
-            if (action->effect == PM_LOGGER_WARMS) {
-                pm_logger_write_power(w, power, sizeof power, both, action);
             }
             switch (action->effect) {
             case PM_LOGGER_FILLS:
@@ -916,8 +905,11 @@ static void write_input(pm_logger_writer *w, int part, int input) {
                 fprintf(w->model, "[%s, b.x, \"1/%s\"], [b.s, b.x, \"-1/%s\"]", x, dx, dx);
                 break;
             case PM_LOGGER_WARMS:
-                fprintf(w->model, "[%s, b.x, \"(%s)/%s\"], [b.s, b.x, \"-(%s)/%s\"]", x, power, dx,
-                        power, dx);
+                if (lossy) {
+                    fprintf(w->model, "[b.x, %s, \"%s\"]", x, lost);
+                } else {
+                    fprintf(w->model, "[%s, b.x, \"%s\"], [b.s, b.x, \"-%s\"]", x, flow, flow);
+                }
                 break;
             case PM_LOGGER_BATH:
             case PM_LOGGER_COOLS:

@@ -1139,54 +1139,39 @@ void pm_logger_write_gain(pm_logger_writer *w, const char *name, const pm_logger
     }
 }
 
-// Returns the cell of which the input of an action is the current, if the action warms it; or NULL.
-static const pm_logger_column *warmed_cell(const pm_logger_view *v,
-                                           const pm_logger_action *action) {
-    const pm_logger_column *cell = NULL;
-    for (int c = 0; c < v->nvariable; ++c) {
-        const pm_logger_column *y = &v->column[c];
-        const bool own = y->seen != NULL && y->current == v->column[action->input].id &&
-                         action->target == v->thermometer[y->part];
-        cell = own ? y : cell;
-    }
-    return cell;
-}
-
-bool pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
-                             const char *name, const pm_logger_action *action) {
+void pm_logger_write_heat(pm_logger_writer *w, char *flow, char *lost, size_t size,
+                          const char *name, const pm_logger_action *action) {
     const pm_logger_column *input = &w->v->column[action->input];
+    const pm_logger_column *y = &w->v->column[action->target], *cell = NULL;
+    const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
     const pm_unit ampere = pm_unit_parse("A");
-    if (action->effect != PM_LOGGER_WARMS || warmed_cell(w->v, action) != NULL ||
-        !pm_unit_equal(&input->dimension, &ampere)) {
-        return false;
+    *lost = '\0';
+    for (int c = 0; c < w->v->nvariable; ++c) {
+        const pm_logger_column *other = &w->v->column[c];
+        const bool own = other->seen != NULL && other->current == input->id &&
+                         action->target == w->v->thermometer[other->part];
+        cell = own ? other : cell;
     }
-    const pm_logger_column *y = &w->v->column[action->target];
-    const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
-    const double edge = SMALL * input->deviation;
-    snprintf(carried, size, "%s/%.6g", pm_logger_number(w, "carried", name, 0, gain), y->mean);
-    if (!has_constant(w, "square", name)) {
-        pm_logger_constant(w, "square", name, SMALL * gain, PM_LOGGER_OPTIONAL);
-        pm_logger_constant(w, "drop", name, SMALL * gain, PM_LOGGER_OPTIONAL);
+    if (cell == NULL && pm_unit_equal(&input->dimension, &ampere)) {
+        const double edge = SMALL * input->deviation;
+        snprintf(flow, size, "%s/%.6g", pm_logger_number(w, "carried", name, 0, gain), y->mean);
+        if (!has_constant(w, "square", name)) {
+            pm_logger_constant(w, "square", name, SMALL * gain, PM_LOGGER_OPTIONAL);
+            pm_logger_constant(w, "drop", name, SMALL * gain, PM_LOGGER_OPTIONAL);
+        }
+        snprintf(lost, size, "(square_%s/%.4g + drop_%s/sqrt(b.dE.x^2 + %.4g))*a.dE.%s", name, most,
+                 name, edge * edge, y->name);
+        return;
     }
-    snprintf(lost, size, "(square_%s/%.4g + drop_%s/sqrt(b.dE.x^2 + %.4g))*a.dE.%s", name, most,
-             name, edge * edge, y->name);
-    return true;
-}
-
-void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
-                           const pm_logger_action *action) {
-    const pm_logger_column *input = &w->v->column[action->input];
-    const pm_logger_column *cell = warmed_cell(w->v, action);
-    const double most = fmax(-input->least, input->largest), gain = fabs(action->gain);
     if (cell == NULL && input->least >= 0) {
         pm_logger_constant(w, "gain", name, gain, "");
-        snprintf(text, size, "gain_%s", name);
+        snprintf(flow, size, "(gain_%s)/a.dE.%s", name, y->name);
         return;
     }
     const char *sign = pm_logger_number(w, "sign", name, 0, gain);
     if (cell == NULL) {
         pm_logger_constant(w, "square", name, SMALL * gain, PM_LOGGER_OPTIONAL);
-        snprintf(text, size, "%s + square_%s*b.dE.x/%.4g", sign, name, most);
+        snprintf(flow, size, "(%s + square_%s*b.dE.x/%.4g)/a.dE.%s", sign, name, most, y->name);
         return;
     }
     char resistance[PM_LOGGER_LONG_TEXT];
@@ -1194,9 +1179,9 @@ void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const c
     pm_logger_cell_resistance(resistance, sizeof resistance, w->v, cell, "", "a.");
     char current[4 * PM_LOGGER_LONG_TEXT];
     pm_logger_cell_current(current, sizeof current, cell, "", "b.dE.x");
-    snprintf(text, size, "%s + %s*a.%s/%.4g + %s*%s", sign,
+    snprintf(flow, size, "(%s + %s*a.%s/%.4g + %s*%s)/a.dE.%s", sign,
              pm_logger_number(w, "by_charge", name, 0, gain), cell->name,
-             fmax(fabs(cell->least), fabs(cell->largest)), resistance, current);
+             fmax(fabs(cell->least), fabs(cell->largest)), resistance, current, y->name);
 }
 
 void pm_logger_write_resistance(pm_logger_writer *w, const char *name, const char *x,

@@ -143,20 +143,15 @@ static inline void pm_logger_cell_current(char *text, size_t size, const pm_logg
              cell->name, x, x);
 }
 
-// Writes, if an input is an electric current that warms or cools a temperature, the entropy that a
-// unit of it carries, so that one direction may cool (Peltier), and the strength of its loss in a
-// resistance and in a drop of voltage. Returns false if it is none, or that of a cell. The texts
-// have `size`; end b of the port has the current.
-bool pm_logger_write_current(pm_logger_writer *w, char *carried, char *lost, size_t size,
-                             const char *name, const pm_logger_action *action);
-
-// Writes to `text` the heat with which an input warms a temperature, divided by the input. An input
-// that is never negative warms in proportion. Any other input has two parts: heat that changes sign
-// with the input, as that of a reaction, and heat that grows with its square. The second part is
-// the loss in the resistance of a cell if the input is its current, and otherwise has a learned
-// coefficient.
-void pm_logger_write_power(pm_logger_writer *w, char *text, size_t size, const char *name,
-                           const pm_logger_action *action);
+// Writes to `flow` [size] the entropy with which a unit of an input warms a temperature, and to
+// `lost` [size] the strength of its loss ("": it has none); end b of the port has the input. An
+// electric current carries entropy, so that one direction may cool (Peltier), and loses power in a
+// resistance and in a drop of voltage. Another input that is never negative warms in proportion.
+// Any other one has two parts: heat that changes sign with it, as that of a reaction, and heat that
+// grows with its square. The second part is the loss in the resistance of a cell if the input is
+// its current, and otherwise has a learned coefficient.
+void pm_logger_write_heat(pm_logger_writer *w, char *flow, char *lost, size_t size,
+                          const char *name, const pm_logger_action *action);
 
 // Writes the coefficient of friction or resistance, which depends on x, a co-energy or a difference
 // of two: "(linear_name + ...)". y describes the co-energy, `other` the one that is subtracted or

@@ -139,8 +139,9 @@ static void mix(pm_logger_samples *w, int hidden, double b, double scale) {
 }
 
 // Adds a hidden force that moves velocity y: what all columns leave unexplained of its rate is the
-// first estimate. Returns its column.
-static int add_force(pm_logger_samples *w, int y) {
+// first estimate. With `slower` it adds a second one, whose samples are 0, so that no regression
+// sees it.
+static void add_force(pm_logger_samples *w, int y, bool slower) {
     pm_logger_view *view = w->view;
     bool used[PM_LOGGER_COLUMNS];
     double coefficient[1 + PM_LOGGER_COLUMNS];
@@ -165,38 +166,14 @@ static int add_force(pm_logger_samples *w, int y) {
     }
     (void)pm_logger_measure(w, x);
     w->length = 0;
-    return x;
-}
-
-// Adds a second hidden force that moves velocity y, beside the force `twin`. Its samples are 0, so
-// that no regression sees it.
-static void add_slower(pm_logger_samples *w, int y, int twin) {
-    const int x = add_hidden(w, y, "slower", w->view->column[twin].unit, PM_LOGGER_FLOW);
-    w->view->column[x].twin = twin;
-    for (int k = 0; k < w->nrow; ++k) {
-        w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + x] = 0;
+    const int second =
+        slower ? add_hidden(w, y, "slower", view->column[x].unit, PM_LOGGER_FLOW) : -1;
+    for (int k = 0; k < w->nrow && slower; ++k) {
+        w->value[(ptrdiff_t)k * PM_LOGGER_COLUMNS + second] = 0;
     }
-    (void)pm_logger_measure(w, x);
-}
-
-// Lets the slower of two hidden forces begin as the faster one, but for its rate and its stiffness.
-static void follow_twins(pm_logger_view *view) {
-    for (int x = 0; x < view->nvariable; ++x) {
-        pm_logger_column *column = &view->column[x];
-        const int twin = column->twin, y = column->behind;
-        if (twin == 0) {
-            continue;
-        }
-        const pm_logger_column *faster = &view->column[twin];
-        column->deviation = faster->deviation;
-        column->least = faster->least;
-        column->largest = faster->largest;
-        column->inertia = faster->inertia;
-        column->decay = faster->decay / SLOWER;
-        view->coupling[y][x] = SOFTER * view->coupling[y][twin];
-        view->coupling[x][y] = SOFTER * view->coupling[twin][y];
-        view->share[y][x] = view->share[y][twin];
-        view->share[x][y] = view->share[twin][y];
+    if (slower) {
+        view->column[second].twin = x;
+        (void)pm_logger_measure(w, second);
     }
 }
 
@@ -223,7 +200,7 @@ static void add_guess(pm_logger_samples *w, int y, pm_logger_guess guess) {
         return;
     }
     if (guess == PM_LOGGER_MOVED && view->ncolumn > view->nvariable) {
-        (void)add_force(w, y);
+        add_force(w, y, false);
         return;
     }
     const char *unit = guess == PM_LOGGER_MOVED ? "1" : column->unit;
@@ -525,10 +502,7 @@ static pm_status find_kinds(pm_logger_samples *w, const pm_logger_hints *hints) 
             column->guess = guess;
             const int hides = pm_logger_hides(guess);
             if (hides > 0 && view->ncolumn + hides <= PM_LOGGER_COLUMNS) {
-                const int force = add_force(w, c);
-                if (hides > 1) {
-                    add_slower(w, c, force);
-                }
+                add_force(w, c, hides > 1);
             }
             continue;
         }
@@ -1161,6 +1135,24 @@ static void find_scales(pm_logger_samples *w) {
         }
     }
     view->naction = kept;
+    // The slower of two hidden forces begins as the faster one, but for its rate and its stiffness.
+    for (int x = 0; x < view->nvariable; ++x) {
+        pm_logger_column *column = &view->column[x];
+        const int twin = column->twin, y = column->behind;
+        if (twin == 0) {
+            continue;
+        }
+        const pm_logger_column *faster = &view->column[twin];
+        column->deviation = faster->deviation;
+        column->least = faster->least;
+        column->largest = faster->largest;
+        column->inertia = faster->inertia;
+        column->decay = faster->decay / SLOWER;
+        view->coupling[y][x] = SOFTER * view->coupling[y][twin];
+        view->coupling[x][y] = SOFTER * view->coupling[twin][y];
+        view->share[y][x] = view->share[y][twin];
+        view->share[x][y] = view->share[twin][y];
+    }
 }
 
 // --- parts ---
@@ -1625,7 +1617,6 @@ static pm_status look(pm_logger_view *view, const pm_dataset *dataset, const pm_
     }
     find_actions(view);
     find_scales(&w);
-    follow_twins(view);
     find_heat_of_friction(&w);
     find_exchange(view);
     PM_TRY_DONE(pm_logger_find_terms(&w));
