@@ -359,6 +359,19 @@ static int add_lines(char *to, const char *from, int most) {
     return count;
 }
 
+// Returns the price of the constants that a trial has learned, as a logarithm of a likelihood.
+static double price_of(const hidden_search *s, int id) {
+    double samples = 0, constants = 0;
+    for (int c = 0; c < s->first.nvariable; ++c) {
+        const bool measured = s->first.column[c].source != NULL;
+        samples += measured ? (double)s->most * s->dataset->ntime : 0;
+    }
+    for (const char *c = s->trial[id].found; *c != '\0'; ++c) {
+        constants += *c == '\n';
+    }
+    return constants * log(fmax(samples, 1)) / 2;
+}
+
 // Returns the constants at the end of a trial, or those at its start if it also learned networks.
 // What a lean trial left out stays spare.
 static const char *found_by(hidden_search *s, int id) {
@@ -697,8 +710,8 @@ static bool is_warm(const hidden_search *s) {
 
 // Tries the best guesses once more. With `turn` inputs that look smooth become held between
 // samples, or held ones smooth. Without it the constants begin where regressions put them, because
-// the constants of a worse guess may have led them astray. The new trial is no richer than the old
-// one, so that the likelier one wins, however little their errors differ.
+// the constants of a worse guess may have led them astray. The likelier one wins, with the price of
+// its constants, however little their errors differ.
 static pm_status try_again(hidden_search *s, bool turn) {
     const char *name;
     const char *const *alternative;
@@ -715,9 +728,10 @@ static pm_status try_again(hidden_search *s, bool turn) {
     s->lean[from] = turn && s->lean[before];
     s->found[s->count++] = turn ? found_by_best(s) : NULL;
     PM_TRY(try_guesses(s, from));
-    const bool likelier =
-        s->most == 0 ? error_of(s, from) < error_of(s, before)
-                     : s->trial[from].score.misfit < s->trial[before].score.misfit - LIKELIER;
+    const bool likelier = s->most == 0
+                              ? error_of(s, from) < error_of(s, before)
+                              : s->trial[from].score.misfit + price_of(s, from) <
+                                    s->trial[before].score.misfit + price_of(s, before) - LIKELIER;
     // A fit whose time was over in short windows is likely, whatever it predicts.
     const bool as_good = error_of(s, from) < HARDLY_WORSE * error_of(s, before);
     if (!s->trial[from].failed && likelier && as_good) {
@@ -805,11 +819,7 @@ static pm_status run_whole(hidden_search *s, int from, double worst) {
     }
     double least = INFINITY;
     for (int i = s->whole; i < s->count; ++i) {
-        int constants = 0;
-        for (const char *c = s->trial[i].found; *c != '\0'; ++c) {
-            constants += *c == '\n';
-        }
-        const double price = samples * log(error_of(s, i)) + constants * log(samples) / 2;
+        const double price = samples * log(error_of(s, i)) + price_of(s, i);
         if (error_of(s, i) < worst && price < least) {
             least = price;
             s->best = i;
