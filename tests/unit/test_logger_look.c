@@ -220,11 +220,13 @@ static void a_hidden_force_is_what_no_column_explains(void **state) {
     (void)state;
     static const char *const column[] = {"x", "v"};
     static const pm_logger_guess guess[] = {PM_LOGGER_AS_FOUND, PM_LOGGER_MOVED};
+    static const pm_logger_guess both[] = {PM_LOGGER_AS_FOUND, PM_LOGGER_MOVED_2};
     pm_dataset *d = record(&(logged){2, 1, column, "m;m/s", 0.02, relaxing_rate, NULL});
     pm_logger_view v;
     look(&v, d, &(pm_logger_hints){.hidden = -1});
-    assert_int_equal(v.column[1].nother, 1);
+    assert_int_equal(v.column[1].nother, 2);
     assert_int_equal(v.column[1].other[0], PM_LOGGER_MOVED);
+    assert_int_equal(v.column[1].other[1], PM_LOGGER_MOVED_2);
     pm_logger_view_free(&v);
     look(&v, d, &(pm_logger_hints){.hidden = -1, .guess = guess});
     assert_int_equal(v.nvariable, 3);
@@ -234,6 +236,15 @@ static void a_hidden_force_is_what_no_column_explains(void **state) {
     assert_true(v.column[2].decay > 1);
     assert_true(v.coupling[1][2] * v.coupling[2][1] < 0);
     assert_true(v.column[2].unexplained < 0.1);
+    const pm_logger_column alone = v.column[2];
+    pm_logger_view_free(&v);
+    // A second one leaves the first as it is, is slower, and acts likewise.
+    look(&v, d, &(pm_logger_hints){.hidden = -1, .guess = both});
+    assert_int_equal(v.nvariable, 4);
+    assert_string_equal(v.column[3].name, "v_slower");
+    assert_true(v.column[2].deviation == alone.deviation && v.column[2].decay == alone.decay);
+    assert_true(v.column[3].deviation == alone.deviation && v.column[3].decay < alone.decay);
+    assert_true(v.coupling[1][3] * v.coupling[3][1] < 0);
     pm_logger_view_free(&v);
     pm_dataset_free(d);
 }
