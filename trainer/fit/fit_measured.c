@@ -1135,7 +1135,8 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
     PM_TRY_DONE(status == PM_EDATA ? PM_OK : status); // too few samples for any
     taken = pm_fit_processor_time(f) - taken;
     printf("Starts of the %s part estimated in the first %.3g s; errors after that, in %% of each "
-           "column's deviation: median and largest; left out of the fit; black box\n",
+           "column's deviation (left out: of trajectories that a fit did not see)\n"
+           "  column               median    largest   left out  black box\n",
            where, seconds);
     for (int c = 0; c < ny; ++c) {
         const pm_box errors = pm_estimate_errors(&e, &m->observation, m->data, which, seconds, c);

@@ -132,7 +132,7 @@ class Fit:
                 at["black box"] = len(columns) - 1
             rows, names = table[3].splitlines(), 2
         else:
-            table = re.search(r"^Starts of the .*\n((?:  .*\n)*)", self.report, re.MULTILINE)
+            table = re.search(r"^Starts of the .*\n  column .*\n((?:  .*\n)*)", self.report, re.MULTILINE)
             rows, names = (table[1].splitlines() if table else []), 1
             at = {"median": 0, "largest": 1, "left out": 2, "black box": 3}
         result = {}
