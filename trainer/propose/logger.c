@@ -50,7 +50,7 @@
 // Of records that are divided, up to MOST_WHOLE hypotheses are fitted to whole ones, whose error is
 // less than ALIKE times that of the best.
 #define MOST_WHOLE 4
-#define ALIKE 1.25
+#define ALIKE 2
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
 #define PERCENT 100
 
@@ -359,17 +359,23 @@ static int add_lines(char *to, const char *from, int most) {
     return count;
 }
 
-// Returns the price of the constants that a trial has learned, as a logarithm of a likelihood.
-static double price_of(const hidden_search *s, int id) {
-    double samples = 0, constants = 0;
+// Returns how many samples of all columns the trials have.
+static double samples_of(const hidden_search *s) {
+    double samples = 0;
     for (int c = 0; c < s->first.nvariable; ++c) {
         const bool measured = s->first.column[c].source != NULL;
         samples += measured ? (double)s->most * s->dataset->ntime : 0;
     }
+    return fmax(samples, 1);
+}
+
+// Returns the price of the constants that a trial has learned, as a logarithm of a likelihood.
+static double price_of(const hidden_search *s, int id) {
+    double constants = 0;
     for (const char *c = s->trial[id].found; *c != '\0'; ++c) {
         constants += *c == '\n';
     }
-    return constants * log(fmax(samples, 1)) / 2;
+    return constants * log(samples_of(s)) / 2;
 }
 
 // Returns the constants at the end of a trial, or those at its start if it also learned networks.
@@ -795,7 +801,8 @@ static void add_whole(hidden_search *s, int id) {
 // its constants, if its error is less than `worst`.
 static pm_status run_whole(hidden_search *s, int from, double worst) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
-    double samples = 0;
+    const double rest = (s->hints->budget - s->spent) / fmax(s->count - from, 1);
+    const double longest = fmin(fmax(rest, LEAST), ENDED);
     int number[MOST_TRIALS];
     const int *vector[MOST_TRIALS];
     pm_fit_effort effort[MOST_TRIALS];
@@ -808,18 +815,15 @@ static pm_status run_whole(hidden_search *s, int from, double worst) {
                                            .samples = FEWEST_SAMPLES,
                                            .iterations = STEPS,
                                            .stages = 1,
-                                           .seconds = ENDED};
+                                           .seconds = longest};
     }
     PM_TRY(pm_arena_status(&s->arena, "constants"));
-    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, SAFETY * ENDED + ENDED, NULL,
+    PM_TRY(pm_search_try(&space, s->count - from, vector, effort, SAFETY * longest + ENDED, NULL,
                          s->hints->stop, s->trial + from, &s->used));
-    for (int c = 0; c < s->first.nvariable; ++c) {
-        const bool measured = s->first.column[c].source != NULL;
-        samples += measured ? (double)s->dataset->ntrajectory * s->dataset->ntime : 0;
-    }
     double least = INFINITY;
     for (int i = s->whole; i < s->count; ++i) {
-        const double price = samples * log(error_of(s, i)) + price_of(s, i);
+        s->spent += i < from ? 0 : s->trial[i].unfinished ? longest : s->trial[i].seconds;
+        const double price = samples_of(s) * log(error_of(s, i)) + price_of(s, i);
         if (error_of(s, i) < worst && price < least) {
             least = price;
             s->best = i;
