@@ -630,7 +630,8 @@ void pm_logger_cell_resistance(char *text, size_t size, const pm_logger_view *v,
     }
 }
 
-// Adds the constants of the resistance of a cell, which its voltage and its heat have in common.
+// Adds the constants of the resistance of a cell, which its voltage and its heat have in common,
+// unless they exist already.
 static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
     const bool warms = w->v->thermometer[cell->part] >= 0;
     double current = 1;
@@ -647,8 +648,7 @@ static void add_resistance(pm_logger_writer *w, const pm_logger_column *cell) {
                             WARMS};
     const int nkind = (int)(sizeof kind / sizeof *kind) - !warms; // the last one is of the heat
     for (int k = 0; k < nkind; ++k) {
-        fprintf(w->list, "      %s_%s: {learned: %.6g, positive: true, shared: true}\n", kind[k],
-                cell->name, start[k]);
+        pm_logger_constant(w, kind[k], cell->name, start[k], PM_LOGGER_SHARED);
     }
 }
 
