@@ -486,11 +486,10 @@ bool pm_export_input_range(const pm_setup *setup, int prescribed, double *low, d
     for (int i = 0; i < 2 * physics->nport; ++i) {
         const pm_scene_port *port = &physics->port[i / 2];
         const pm_end end = i % 2 == 0 ? PM_END_A : PM_END_B;
-        const int ny = port->layout[end].nz, id = port->boundary_input[end];
-        for (int c = 0; c < 3 * ny && id >= 0; ++c) {
-            const pm_scene_boundary_input *b = &physics->boundary_input[id];
+        const int ny = port->layout[end].nz;
+        for (int c = 0; c < 3 * ny; ++c) {
             double l, h;
-            if (b->first + c / ny * b->layout.nz + port->component[end][c % ny] == prescribed &&
+            if (pm_physics_shown(physics, port, i % 2, c) == prescribed &&
                 pm_input_range_of(setup->system->port[i / 2], end, c / ny, c % ny, &l, &h)) {
                 *low = fmax(*low, l);
                 *high = fmin(*high, h);

@@ -155,6 +155,16 @@ typedef struct pm_physics {
     int diameter;
 } pm_physics;
 
+// Returns the position among all prescribed values of what a boundary input shows to an end of a
+// port: entry k [3][layout.nz] of its state, dE and dS. -1: a subsystem is at this end.
+static inline int pm_physics_shown(const pm_physics *physics, const pm_scene_port *port, int end,
+                                   int k) {
+    const int ny = port->layout[end].nz, id = port->boundary_input[end];
+    const pm_scene_boundary_input *input = id >= 0 ? &physics->boundary_input[id] : NULL;
+    return input == NULL ? -1
+                         : input->first + k / ny * input->layout.nz + port->component[end][k % ny];
+}
+
 // Returns true if the number of substeps of each step follows from the error that a step estimates.
 static inline bool pm_physics_is_adaptive(const pm_physics *physics) {
     return physics->tolerance > 0;

@@ -407,14 +407,13 @@ static pm_status find_input_ranges(pm_system *system, const pm_samples *samples)
     for (int i = 0; i < 2 * physics->nport; ++i) {
         const pm_scene_port *port = &physics->port[i / 2];
         const pm_end end = i % 2 == 0 ? PM_END_A : PM_END_B;
-        const int ny = port->layout[end].nz, id = port->boundary_input[end];
-        for (int c = 0; c < 3 * ny && id >= 0; ++c) {
-            const pm_scene_boundary_input *b = &physics->boundary_input[id];
-            const int at = pm_samples_input(samples, 0) + b->first + c / ny * b->layout.nz +
-                           port->component[end][c % ny]; // at the beginning of the step
-            for (int k = 0; k < samples->count; ++k) {
+        const int ny = port->layout[end].nz, inputs = pm_samples_input(samples, 0);
+        for (int c = 0; c < 3 * ny; ++c) {
+            const int shown = pm_physics_shown(physics, port, i % 2, c);
+            for (int k = 0; k < samples->count && shown >= 0; ++k) { // at the beginning of the step
                 const double *window = samples->z + (ptrdiff_t)k * pm_samples_width(samples);
-                pm_input_range_widen(system->port[i / 2], end, c / ny, c % ny, window[at]);
+                pm_input_range_widen(system->port[i / 2], end, c / ny, c % ny,
+                                     window[inputs + shown]);
             }
         }
     }

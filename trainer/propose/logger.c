@@ -47,8 +47,8 @@
 #define HARDLY_WORSE 1.1
 #define FEWEST_LEFT_OUT 8
 #define DECIMAL 10
-// Of records that are divided, up to MOST_WHOLE hypotheses are fitted to whole ones, whose error is
-// less than ALIKE times that of the best.
+// Where records are divided, up to MOST_WHOLE hypotheses are also fitted to whole records: those
+// whose error is less than ALIKE times that of the best.
 #define MOST_WHOLE 4
 #define ALIKE 2
 #define LIKELIER 3 // logarithm of how many times likelier what is no richer must be
