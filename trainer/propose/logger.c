@@ -233,13 +233,14 @@ static void name_inputs(const pm_logger_view *v) {
 
 // A trial supposes guesses about columns and delays of inputs, by identifier, and laws.
 typedef struct hypothesis {
+    int most; // trajectories; 0: all, which need not be measurements
     pm_logger_guess guess[PM_LOGGER_COLUMNS];
     int delay[PM_LOGGER_COLUMNS]; // rows
     int chosen[PM_LOGGER_NCHOICE];
 } hypothesis;
 
 static bool is_same(const hypothesis *a, const hypothesis *b) {
-    return memcmp(a->guess, b->guess, sizeof a->guess) == 0 &&
+    return a->most == b->most && memcmp(a->guess, b->guess, sizeof a->guess) == 0 &&
            memcmp(a->delay, b->delay, sizeof a->delay) == 0 &&
            memcmp(a->chosen, b->chosen, sizeof a->chosen) == 0;
 }
@@ -249,7 +250,6 @@ typedef struct hidden_search {
     const pm_dataset *dataset;
     const pm_logger_hints *hints;
     const char *data_path;
-    int most;             // trajectories of a trial; 0: all, which need not be measurements
     pm_logger_view first; // what is found first
     int count, best;
     int whole; // trials from this number on are of whole records; 0: none
@@ -295,16 +295,16 @@ static bool is_divided(const hidden_search *s) {
 static pm_status write_trial(void *context, const int *chosen, const char *comment,
                              const char *path) {
     const hidden_search *s = context;
+    const hypothesis *what = &s->what[*chosen];
     pm_logger_hints hints = *s->hints;
     pm_logger_draft draft = {
         .seed = hints.seed,
         .data_path = s->data_path,
-        .most = s->most,
-        .divided = s->most > 0 && is_divided(s) && s->whole == 0 ? s->dataset->ntrajectory : 0,
+        .most = what->most,
+        .divided = what->most > 0 && is_divided(s) && s->whole == 0 ? s->dataset->ntrajectory : 0,
         .found = s->found[*chosen],
         .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
-    const hypothesis *what = &s->what[*chosen];
     hints.guess = what->guess;
     hints.delay = what->delay;
     PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
@@ -359,12 +359,12 @@ static int add_lines(char *to, const char *from, int most) {
     return count;
 }
 
-// Returns how many samples of all columns the trials have.
-static double samples_of(const hidden_search *s) {
+// Returns how many samples of all columns a trial has.
+static double samples_of(const hidden_search *s, int id) {
     double samples = 0;
     for (int c = 0; c < s->first.nvariable; ++c) {
         const bool measured = s->first.column[c].source != NULL;
-        samples += measured ? (double)s->most * s->dataset->ntime : 0;
+        samples += measured ? (double)s->what[id].most * s->dataset->ntime : 0;
     }
     return fmax(samples, 1);
 }
@@ -375,7 +375,7 @@ static double price_of(const hidden_search *s, int id) {
     for (const char *c = s->trial[id].found; *c != '\0'; ++c) {
         constants += *c == '\n';
     }
-    return constants * log(samples_of(s)) / 2;
+    return constants * log(samples_of(s, id)) / 2;
 }
 
 // Returns the constants at the end of a trial, or those at its start if it also learned networks.
@@ -402,7 +402,7 @@ static const char *found_by_best(hidden_search *s) {
 // column by column; those of complete states, which have no noise, as a whole.
 static bool is_within(const hidden_search *s, double factor) {
     const double *error = s->trial[s->best].score.group, whole = error_of(s, s->best);
-    if (s->most == 0) {
+    if (s->what[s->best].most == 0) {
         return whole < factor * ENOUGH;
     }
     bool all = isfinite(whole);
@@ -489,8 +489,10 @@ static void add_guess(hidden_search *s, int id, pm_logger_guess guess, const pm_
         }
     }
     for (int i = 0; i < s->count; ++i) {
+        const hypothesis *other = &s->what[i];
         const bool once_more = adds && (s->found[i] == NULL || strcmp(s->found[i], found) != 0);
-        if (memcmp(s->what[i].guess, own, sizeof s->what[i].guess) == 0 && !once_more) {
+        if (other->most == s->what[first].most &&
+            memcmp(other->guess, own, sizeof other->guess) == 0 && !once_more) {
             return;
         }
     }
@@ -734,7 +736,7 @@ static pm_status try_again(hidden_search *s, bool turn) {
     s->lean[from] = turn && s->lean[before];
     s->found[s->count++] = turn ? found_by_best(s) : NULL;
     PM_TRY(try_guesses(s, from));
-    const bool likelier = s->most == 0
+    const bool likelier = s->what[from].most == 0
                               ? error_of(s, from) < error_of(s, before)
                               : s->trial[from].score.misfit + price_of(s, from) <
                                     s->trial[before].score.misfit + price_of(s, before) - LIKELIER;
@@ -752,9 +754,10 @@ static pm_status try_again(hidden_search *s, bool turn) {
 // in short windows does not tell what long ones need. Far from the noise a law is missing, and it
 // is tried once.
 static pm_status leave_out(hidden_search *s) {
-    const double samples = (double)s->most * s->dataset->ntime * fmax(s->first.nvariable, 1);
+    const int trajectories = s->what[s->best].most;
+    const double samples = (double)trajectories * s->dataset->ntime * fmax(s->first.nvariable, 1);
     int most = INT_MAX;
-    while (s->most > 0 && s->count < MOST_TRIALS && !s->lean_failed[s->best] &&
+    while (trajectories > 0 && s->count < MOST_TRIALS && !s->lean_failed[s->best] &&
            !s->trial[s->best].cut && error_of(s, s->best) < SMALL_ERROR) {
         const int from = s->count, before = s->best;
         const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
@@ -823,7 +826,7 @@ static pm_status run_whole(hidden_search *s, int from, double worst) {
     double least = INFINITY;
     for (int i = s->whole; i < s->count; ++i) {
         s->spent += i < from ? 0 : s->trial[i].unfinished ? longest : s->trial[i].seconds;
-        const double price = samples_of(s) * log(error_of(s, i)) + price_of(s, i);
+        const double price = samples_of(s, i) * log(error_of(s, i)) + price_of(s, i);
         if (error_of(s, i) < worst && price < least) {
             least = price;
             s->best = i;
@@ -839,7 +842,7 @@ static pm_status try_whole(hidden_search *s) {
     const double error = error_of(s, s->best);
     bool taken[MOST_TRIALS] = {false};
     int from = s->count;
-    if (s->most == 0 || !is_divided(s) || !isfinite(error)) {
+    if (s->what[s->best].most == 0 || !is_divided(s) || !isfinite(error)) {
         return PM_OK;
     }
     for (int k = 0; k < MOST_WHOLE; ++k) {
@@ -870,28 +873,14 @@ static pm_status try_whole(hidden_search *s) {
     return s->count > from ? run_whole(s, from, error) : PM_OK;
 }
 
-// Tries what may be hidden, and other laws.
-static pm_status find_hidden(hidden_search *s) {
-    const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
-    const pm_logger_view *v = &s->first;
-    if (!pm_logger_is_measured(v)) {
-        // Complete states without noise are fitted by single steps.
-        s->count = 1;
-        PM_TRY(try_guesses(s, 0));
-        if (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) {
-            return try_again(s, true);
-        }
-    }
-    s->most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
-    s->most = s->most < n ? s->most : n;
-    s->count = 1;
-    PM_TRY(try_guesses(s, 0));
+// Tries delays, guesses and laws, as long as the best trial does not explain the data. A missing
+// hidden variable leaves a large error, and a wrong law a small one, so that hidden variables come
+// before most laws. Motion heats, but heat hardly moves, so that variables hidden behind
+// temperatures come last, and inputs are looked at once more after them. Two laws come first,
+// because hidden variables would make up for their lack: inertias that depend on positions and,
+// where the error is large, couplings that depend on flows.
+static pm_status search_all(hidden_search *s) {
     PM_TRY(find_delays(s));
-    // The order of trials. A missing hidden variable leaves a large error, and a wrong law a small
-    // one, so that hidden variables come before most laws. Motion heats, but heat hardly moves, so
-    // that variables hidden behind temperatures come last, and inputs are looked at once more after
-    // them. Two laws come first, because hidden variables would make up for their lack: inertias
-    // that depend on positions and, where the error is large, couplings that depend on flows.
     PM_TRY(try_again(s, true));
     PM_TRY(leave_out(s));
     const int first = s->best;
@@ -924,7 +913,50 @@ static pm_status find_hidden(hidden_search *s) {
     // A better model may tell otherwise.
     PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
     PM_TRY(try_again(s, false));
-    PM_TRY(leave_out(s));
+    return leave_out(s);
+}
+
+// Fits the best guesses to twice as many trajectories, as long as they explain them and more are
+// there: few may be explained by a law that others refute.
+static pm_status grow(hidden_search *s) {
+    const int n = s->dataset->ntrajectory;
+    for (int before = -1; s->best != before && explains(s) && s->what[s->best].most < n &&
+                          s->count < MOST_TRIALS && !is_late(s);) {
+        const int from = s->count;
+        before = s->best;
+        s->what[from] = s->what[before];
+        s->what[from].most = 2 * s->what[from].most < n ? 2 * s->what[from].most : n;
+        s->found[from] = found_by_best(s);
+        s->lean[from] = s->lean[before];
+        ++s->count;
+        PM_TRY(try_guesses(s, from));
+        s->best = s->trial[from].failed ? before : from;
+    }
+    return PM_OK;
+}
+
+// Tries what may be hidden, and other laws.
+static pm_status find_hidden(hidden_search *s) {
+    const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
+    const pm_logger_view *v = &s->first;
+    if (!pm_logger_is_measured(v)) {
+        // Complete states without noise are fitted by single steps.
+        s->count = 1;
+        PM_TRY(try_guesses(s, 0));
+        if (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) {
+            return try_again(s, true);
+        }
+    }
+    const int most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
+    s->what[0].most = most < n ? most : n;
+    s->count = 1;
+    PM_TRY(try_guesses(s, 0));
+    int before;
+    do {
+        PM_TRY(search_all(s));
+        before = s->what[s->best].most;
+        PM_TRY(grow(s));
+    } while (s->what[s->best].most > before && !is_over(s));
     return try_whole(s);
 }
 
@@ -941,7 +973,8 @@ static const char *name_of(const pm_logger_view *v, int id) {
 // If they cannot be integrated, the next best ones take their place.
 static pm_status confirm(hidden_search *s) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
-    const int most = s->most, last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
+    const int most = s->what[s->best].most,
+              last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
     const int *const vector[] = {&last};
     pm_fit_effort effort = {
         .tries = TRIES, .try_iterations = 4, .samples = FEWEST_SAMPLES, .stages = 1};
@@ -950,9 +983,9 @@ static pm_status confirm(hidden_search *s) {
         return PM_OK;
     }
     pm_status status = PM_OK;
-    s->most = s->dataset->ntrajectory;
     for (bool fits = false; !fits && status == PM_OK && isfinite(error_of(s, s->best));) {
         s->what[last] = s->what[s->best];
+        s->what[last].most = s->dataset->ntrajectory;
         for (int k = 0; k < 2 && !fits && status == PM_OK; ++k) {
             s->found[last] = k == 0 ? found_by_best(s) : NULL;
             s->lean[last] = k == 0 && s->lean[s->best];
@@ -971,7 +1004,6 @@ static pm_status confirm(hidden_search *s) {
             }
         }
     }
-    s->most = most;
     return status;
 }
 
@@ -1045,6 +1077,9 @@ static void print_trials(const hidden_search *s, FILE *f) {
         }
         fputs(any ? "" : "as units and regressions say", f);
         const bool whole = s->whole > 0 && i >= s->whole;
+        if (i > 0 && s->what[i].most > s->what[i - 1].most && s->what[i - 1].most > 0) {
+            fprintf(f, ", %d trajectories", s->what[i].most);
+        }
         fputs(s->lean[i] ? ", without what the data do not need" : "", f);
         fputs(whole                          ? ", whole records"
               : s->lean[i] || !is_twin(s, i) ? ""
