@@ -916,25 +916,6 @@ static pm_status search_all(hidden_search *s) {
     return leave_out(s);
 }
 
-// Fits the best guesses to twice as many trajectories, as long as they explain them and more are
-// there: few may be explained by a law that others refute.
-static pm_status grow(hidden_search *s) {
-    const int n = s->dataset->ntrajectory;
-    for (int before = -1; s->best != before && explains(s) && s->what[s->best].most < n &&
-                          s->count < MOST_TRIALS && !is_late(s);) {
-        const int from = s->count;
-        before = s->best;
-        s->what[from] = s->what[before];
-        s->what[from].most = 2 * s->what[from].most < n ? 2 * s->what[from].most : n;
-        s->found[from] = found_by_best(s);
-        s->lean[from] = s->lean[before];
-        ++s->count;
-        PM_TRY(try_guesses(s, from));
-        s->best = s->trial[from].failed ? before : from;
-    }
-    return PM_OK;
-}
-
 // Tries what may be hidden, and other laws.
 static pm_status find_hidden(hidden_search *s) {
     const int n = s->dataset->ntrajectory, each = SAMPLES / s->dataset->ntime;
@@ -951,12 +932,25 @@ static pm_status find_hidden(hidden_search *s) {
     s->what[0].most = most < n ? most : n;
     s->count = 1;
     PM_TRY(try_guesses(s, 0));
-    int before;
+    bool refuted;
     do {
         PM_TRY(search_all(s));
-        before = s->what[s->best].most;
-        PM_TRY(grow(s));
-    } while (s->what[s->best].most > before && !is_over(s));
+        refuted = false;
+        // Few trajectories may be explained by a law that others refute.
+        for (int before = -1; s->best != before && explains(s) && s->what[s->best].most < n &&
+                              s->count < MOST_TRIALS && !is_late(s);) {
+            const int from = s->count;
+            before = s->best;
+            s->what[from] = s->what[before];
+            s->what[from].most = 2 * s->what[from].most < n ? 2 * s->what[from].most : n;
+            s->found[from] = found_by_best(s);
+            s->lean[from] = s->lean[before];
+            ++s->count;
+            PM_TRY(try_guesses(s, from));
+            s->best = s->trial[from].failed ? before : from;
+            refuted = !explains(s);
+        }
+    } while (refuted && !is_late(s));
     return try_whole(s);
 }
 
