@@ -114,6 +114,51 @@ static inline double pm_log_of(double x) {
     return x > 0 ? (x < 1.0 / 0.0 ? y : x) : limit;
 }
 
+// sin(x + quarter pi/2) for a whole `quarter`. It splits x = n pi/2 + r with |r| <= pi/4, where
+// pi/2 is the sum of three numbers (Cody and Waite 1980; the first two have 33 bits, so that their
+// products with n are exact), and takes the series of sin(r) or of cos(r) with the coefficients of
+// FDLIBM, k_sin.c and k_cos.c. From |x| = 1.6e6 on the products are rounded: the error is then as
+// large as that of an x which is rounded to the last place.
+static inline double pm_sine_of(double x, double quarter) {
+    const double shift = 6755399441055744.0; // as in pm_reduce
+    const double n = (x * 6.36619772367581382433e-01 + shift) - shift;
+    const double first = x - n * 1.57079632673412561417e+00;
+    const double second = n * 6.07710050630396597660e-11, whole = first - second;
+    const double lost = (first - whole) - second; // what rounding took
+    double r = whole - (n * 2.02226624871116645580e-21 - lost);
+    r = r > 1.0 ? 1.0 : r; // where x has no digits behind the point
+    r = r < -1.0 ? -1.0 : r;
+    const double z = r * r, z2 = z * z, half = 0.5 * z, rest = 1.0 - half;
+    const double odd = (-1.66666666666666324348e-01 + 8.33333333332248946124e-03 * z) +
+                       ((-1.98412698298579493134e-04 + 2.75573137070700676789e-06 * z) +
+                        (-2.50507602534068634195e-08 + 1.58969099521155010221e-10 * z) * z2) *
+                           z2;
+    const double even = (4.16666666666666019037e-02 + -1.38888888888741095749e-03 * z) +
+                        ((2.48015872894767294178e-05 + -2.75573143513906633035e-07 * z) +
+                         (2.08757232129817482790e-09 + -1.13596475577881948265e-11 * z) * z2) *
+                            z2;
+    const double sine = r + r * z * odd, cosine = rest + (((1.0 - rest) - half) + z2 * even);
+    const double shifted = (n + quarter) + shift;
+    uint64_t turns, s, c;
+    double y;
+    memcpy(&turns, &shifted, sizeof turns);
+    memcpy(&s, &sine, sizeof s);
+    memcpy(&c, &cosine, sizeof c);
+    // The lowest bit of n + quarter says which of both it is, the next one its sign.
+    const uint64_t swap = 0 - (turns & 1);
+    s = ((s & ~swap) | (c & swap)) ^ ((turns & 2) << 62);
+    memcpy(&y, &s, sizeof y);
+    return y;
+}
+
+static inline double pm_sin_of(double x) {
+    return pm_sine_of(x, 0.0);
+}
+
+static inline double pm_cos_of(double x) {
+    return pm_sine_of(x, 1.0);
+}
+
 // log(1 + exp(x)) = max(x, 0) + log(1 + exp(-|x|)), which does not overflow.
 static inline double pm_softplus_of(double x) {
     return (x > 0 ? x : 0.0) + pm_log1p_of(pm_exp_of(x < 0 ? x : -x));

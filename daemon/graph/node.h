@@ -29,8 +29,8 @@
     X(EXP, exp, pm_exp_of(a), pm_mul(g, dx, x))                                                      \
     X(LOG, log, pm_log_of(a), pm_div(g, dx, a))                                                      \
     X(SQRT, sqrt, sqrt(a), pm_div(g, pm_scale(g, dx, 0.5), x))                                       \
-    X(SIN, sin, sin(a), pm_mul(g, dx, pm_cos(g, a)))                                                 \
-    X(COS, cos, cos(a), pm_scale(g, pm_mul(g, dx, pm_sin(g, a)), -1))                                \
+    X(SIN, sin, pm_sin_of(a), pm_mul(g, dx, pm_cos(g, a)))                                           \
+    X(COS, cos, pm_cos_of(a), pm_scale(g, pm_mul(g, dx, pm_sin(g, a)), -1))                          \
     X(IS_NEGATIVE, is_negative, a < 0 ? 1.0 : 0.0, PM_NO_NODE)
 
 #define PM_UNARY_OPERATIONS(X)                                                                       \

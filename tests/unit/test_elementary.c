@@ -47,6 +47,13 @@ static const function functions[] = {
     {"log, near 1", pm_log_of, pm_log, logl, 0.6, 1.6},
     {"log, very near 1", pm_log_of, pm_log, logl, 1 - 1e-6, 1 + 1e-6},
     {"log, subnormal", pm_log_of, pm_log, logl, 0, 1e-307},
+    {"sin", pm_sin_of, pm_sin, sinl, -10, 10},
+    {"sin, small", pm_sin_of, pm_sin, sinl, -1e-3, 1e-3},
+    {"sin, near pi", pm_sin_of, pm_sin, sinl, 3.1415, 3.1417},
+    {"sin, many turns", pm_sin_of, pm_sin, sinl, -1.6e6, 1.6e6},
+    {"cos", pm_cos_of, pm_cos, cosl, -10, 10},
+    {"cos, near pi/2", pm_cos_of, pm_cos, cosl, 1.5707, 1.5709},
+    {"cos, many turns", pm_cos_of, pm_cos, cosl, -1.6e6, 1.6e6},
     {"log, large", pm_log_of, pm_log, logl, 1e300, 1.7e308},
 };
 
@@ -112,6 +119,12 @@ static void test_limits(void **state) {
     assert_true(pm_log_of(1) == 0 && pm_log_of(0) == -INFINITY && pm_log_of(-0.0) == -INFINITY);
     assert_true(pm_log_of(INFINITY) == INFINITY && isnan(pm_log_of(-1)) && isnan(pm_log_of(NAN)));
     assert_true(isnan(pm_log_of(-INFINITY)) && isnan(pm_log_of(-1e-310)));
+    assert_true(pm_sin_of(0) == 0 && pm_cos_of(0) == 1 && isnan(pm_sin_of(NAN)));
+    assert_true(isnan(pm_sin_of(INFINITY)) && isnan(pm_cos_of(-INFINITY)));
+    for (double x = 1; x < 1e308; x *= 3) {
+        assert_true(fabs(pm_sin_of(x)) <= 1 && fabs(pm_cos_of(-x)) <= 1);
+        assert_true(x > 1e12 || fabs(pm_sin_of(x) - sin(x)) <= 0x1p-50 + x * 0x1p-53);
+    }
     for (double x = 1e-300; x < 1; x *= 7) {
         assert_true(pm_tanh_of(-x) == -pm_tanh_of(x));
     }

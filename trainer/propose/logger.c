@@ -14,13 +14,14 @@
 
 // A trial is a short fit to about SAMPLES samples, but to at least FEWEST_TRAJECTORIES
 // trajectories, because some are kept back to judge it. It takes at most STEPS iterations.
-#define SAMPLES 3000
+#define SAMPLES 1500
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
 #define FEWEST_TRAJECTORIES 10
 #define FEWEST_KEPT_BACK 5   // records of which a fit keeps some back (data/split.h)
 #define FEWEST_IN_PIECES 100 // samples of a record that is divided
 #define STEPS 150
-#define TRIES 4 // draws of the first weights of a trial
+#define FEW_STEPS 8 // likewise, to compare laws
+#define TRIES 4     // draws of the first weights of a trial
 // A trial ends itself after at most ENDED s of CPU time. A trial that has taken SAFETY times what
 // it was given, and ENDED s more, is stopped from outside.
 #define ENDED 30
@@ -258,6 +259,7 @@ typedef struct hidden_search {
     const char *found[MOST_TRIALS]; // where constants begin, as for pm_logger_draft; or NULL
     bool lean[MOST_TRIALS];         // likewise
     bool lean_failed[MOST_TRIALS];  // nothing can be left out of it
+    bool quick[MOST_TRIALS];        // its fit has FEW_STEPS
     pm_search_trial trial[MOST_TRIALS];
     // s of CPU time: on a nominal machine, which decides what is tried, so that the result does not
     // depend on the machine; and as measured, which ends the trials on slow ones
@@ -419,14 +421,15 @@ static bool explains(const hidden_search *s) {
     return is_within(s, NOISE_ALONE);
 }
 
-// Tries the guesses from number `from` on, and keeps the best one.
-static pm_status try_guesses(hidden_search *s, int from) {
+// Tries the guesses from number `from` on by fits of at most `steps` iterations, and keeps the best
+// one.
+static pm_status try_guesses(hidden_search *s, int from, int steps) {
     const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
     // A single guess gets at most half of the budget that is left, so that others can follow.
     // Several guesses share all of it.
     const double rest = s->hints->budget - s->spent;
     // A trial that begins where the best one ended takes about half of its time.
-    const double each_takes = from > 0 ? s->trial[s->best].seconds / 2 : 0;
+    const double each_takes = from > 0 && steps == STEPS ? s->trial[s->best].seconds / 2 : 0;
     while (s->count > from + 1 && (s->count - from) * each_takes > rest) {
         --s->count;
     }
@@ -436,7 +439,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     const pm_fit_effort each = {.tries = TRIES,
                                 .try_iterations = 4,
                                 .samples = FEWEST_SAMPLES,
-                                .iterations = STEPS,
+                                .iterations = steps,
                                 .stages = 1,
                                 .seconds = longest};
     const int *vector[MOST_TRIALS] = {NULL};
@@ -445,6 +448,7 @@ static pm_status try_guesses(hidden_search *s, int from) {
     for (int i = from; i < s->count; ++i) {
         effort[i - from] = each;
         effort[i - from].whole = s->found[i] != NULL && !s->short_of_time;
+        s->quick[i] = steps < STEPS;
         number[i] = i;
         vector[i - from] = &number[i];
     }
@@ -560,7 +564,7 @@ static bool is_late(const hidden_search *s) {
     const double left = s->hints->budget - s->spent;
     double least = INFINITY;
     for (int i = 0; i < s->count; ++i) {
-        const bool ended = !s->trial[i].cut && error_of(s, i) < NOTHING;
+        const bool ended = !s->trial[i].cut && !s->quick[i] && error_of(s, i) < NOTHING;
         least = ended ? fmin(least, s->trial[i].seconds) : least;
     }
     // A trial that has been cut needs more time than it had.
@@ -574,13 +578,29 @@ static bool is_over(const hidden_search *s) {
     return (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) || is_late(s);
 }
 
-// Tries the first `most` of other laws as long as one of them is better.
+// Tries the first `most` of other laws as long as one of them is better. A few iterations tell
+// which of several laws is worth more.
 static pm_status find_laws(hidden_search *s, int most) {
     for (int before = -1; s->best != before && !is_over(s);) {
-        const int from = s->count;
+        int from = s->count;
         before = s->best;
         PM_TRY(add_laws(s, most));
-        PM_TRY(try_guesses(s, from));
+        if (s->count > from + 1) {
+            PM_TRY(try_guesses(s, from, FEW_STEPS));
+            int next = before;
+            for (int i = from; i < s->count; ++i) {
+                next = error_of(s, i) < error_of(s, next) ? i : next;
+            }
+            s->best = before;
+            from = s->count;
+            if (next != before && from < MOST_TRIALS) {
+                s->what[from] = s->what[next];
+                s->found[from] = found_by(s, next);
+                s->lean[from] = s->lean[next];
+                ++s->count;
+            }
+        }
+        PM_TRY(try_guesses(s, from, STEPS));
     }
     return PM_OK;
 }
@@ -600,7 +620,7 @@ static pm_status find_delays(hidden_search *s) {
         }
         if (some && !is_same(&s->what[from], &s->what[before])) {
             ++s->count;
-            PM_TRY(try_guesses(s, from));
+            PM_TRY(try_guesses(s, from, STEPS));
         }
         if (only < 0 && s->best != before) {
             break;
@@ -624,7 +644,7 @@ static pm_status leave_delays(hidden_search *s) {
     s->lean[from] = false; // what made up for the delay leads astray
     s->found[from] = NULL;
     ++s->count;
-    return try_guesses(s, from);
+    return try_guesses(s, from, STEPS);
 }
 
 // Tries what inputs may set, the best of all again and again, at most `most` times.
@@ -655,7 +675,7 @@ static pm_status find_inputs(hidden_search *s, int most) {
             }
         }
         pm_logger_view_free(&view);
-        PM_TRY(try_guesses(s, from));
+        PM_TRY(try_guesses(s, from, STEPS));
     }
     return PM_OK;
 }
@@ -693,7 +713,7 @@ static pm_status find_columns(hidden_search *s, guess_group group) {
                     s->count = before;
                 }
             }
-            PM_TRY(try_guesses(s, from));
+            PM_TRY(try_guesses(s, from, STEPS));
         }
     }
     return PM_OK;
@@ -735,7 +755,7 @@ static pm_status try_again(hidden_search *s, bool turn) {
     s->what[from].chosen[PM_LOGGER_HOLD] ^= turn;
     s->lean[from] = turn && s->lean[before];
     s->found[s->count++] = turn ? found_by_best(s) : NULL;
-    PM_TRY(try_guesses(s, from));
+    PM_TRY(try_guesses(s, from, STEPS));
     const bool likelier = s->what[from].most == 0
                               ? error_of(s, from) < error_of(s, before)
                               : s->trial[from].score.misfit + price_of(s, from) <
@@ -750,15 +770,15 @@ static pm_status try_again(hidden_search *s, bool turn) {
 
 // Tries the best guesses without the constants that the data do not need, again and again: a law
 // with fewer constants takes less time, and is easier to read. It may be less likely by as much as
-// so many constants are worth. If it is worse, half as many are left out. A fit whose time was over
-// in short windows does not tell what long ones need. Far from the noise a law is missing, and it
-// is tried once.
+// so many constants are worth, unless it predicts better. If it is worse, half as many are left
+// out. A fit whose time was over in short windows, far from the noise, does not tell what long ones
+// need. Far from the noise a law is missing, and it is tried once.
 static pm_status leave_out(hidden_search *s) {
     const int trajectories = s->what[s->best].most;
     const double samples = (double)trajectories * s->dataset->ntime * fmax(s->first.nvariable, 1);
     int most = INT_MAX;
     while (trajectories > 0 && s->count < MOST_TRIALS && !s->lean_failed[s->best] &&
-           !s->trial[s->best].cut && error_of(s, s->best) < SMALL_ERROR) {
+           (!s->trial[s->best].cut || is_within(s, FAR)) && error_of(s, s->best) < SMALL_ERROR) {
         const int from = s->count, before = s->best;
         const pm_search_trial *full = &s->trial[before], *lean = &s->trial[from];
         char *found = pm_arena_array(&s->arena, 2 * PM_SEARCH_FOUND, 1);
@@ -776,10 +796,10 @@ static pm_status leave_out(hidden_search *s) {
         s->lean[from] = true;
         s->found[from] = found;
         ++s->count;
-        PM_TRY(try_guesses(s, from));
-        const bool kept = !lean->failed &&
-                          lean->score.misfit < full->score.misfit + count * log(samples) / 2 &&
-                          lean->score.rollout < full->score.rollout * HARDLY_WORSE;
+        PM_TRY(try_guesses(s, from, STEPS));
+        const bool likely = lean->score.misfit < full->score.misfit + count * log(samples) / 2 &&
+                            lean->score.rollout < full->score.rollout * HARDLY_WORSE;
+        const bool kept = !lean->failed && (likely || lean->score.rollout < full->score.rollout);
         s->best = kept ? from : before;
         s->lean_failed[before] =
             !kept && (count < FEWEST_LEFT_OUT || is_late(s) || !is_within(s, FAR));
@@ -884,6 +904,8 @@ static pm_status search_all(hidden_search *s) {
     PM_TRY(try_again(s, true));
     PM_TRY(leave_out(s));
     const int first = s->best;
+    // Without noise the errors do not tell whether a variable is missing or a law is wrong.
+    PM_TRY(s->first.noisy && is_within(s, FAR) ? find_laws(s, MOST_TRIALS) : PM_OK);
     // Guesses about heat come first where temperatures are predicted worst.
     PM_TRY(is_warm(s) ? find_columns(s, LAWS) : PM_OK);
     if (!s->short_of_time) {
@@ -893,7 +915,6 @@ static pm_status search_all(hidden_search *s) {
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, ROLES));
-    // Without noise the errors do not tell whether a variable is missing or a law is wrong.
     const bool near = s->first.noisy ? is_within(s, FAR) : error_of(s, s->best) < SMALL_ERROR;
     PM_TRY(near ? find_columns(s, LAWS) : PM_OK);
     PM_TRY(leave_out(s));
@@ -923,7 +944,7 @@ static pm_status find_hidden(hidden_search *s) {
     if (!pm_logger_is_measured(v)) {
         // Complete states without noise are fitted by single steps.
         s->count = 1;
-        PM_TRY(try_guesses(s, 0));
+        PM_TRY(try_guesses(s, 0, STEPS));
         if (explains(s) && hidden_by(s, s->best) >= s->hints->hidden) {
             return try_again(s, true);
         }
@@ -931,7 +952,7 @@ static pm_status find_hidden(hidden_search *s) {
     const int most = each < FEWEST_TRAJECTORIES ? FEWEST_TRAJECTORIES : each;
     s->what[0].most = most < n ? most : n;
     s->count = 1;
-    PM_TRY(try_guesses(s, 0));
+    PM_TRY(try_guesses(s, 0, STEPS));
     bool refuted;
     do {
         PM_TRY(search_all(s));
@@ -946,7 +967,7 @@ static pm_status find_hidden(hidden_search *s) {
             s->found[from] = found_by_best(s);
             s->lean[from] = s->lean[before];
             ++s->count;
-            PM_TRY(try_guesses(s, from));
+            PM_TRY(try_guesses(s, from, STEPS));
             s->best = s->trial[from].failed ? before : from;
             refuted = !explains(s);
         }
@@ -1080,6 +1101,7 @@ static void print_trials(const hidden_search *s, FILE *f) {
               : s->found[i] == NULL          ? ", begun anew"
                                              : ", begun where another trial ended",
               f);
+        fputs(s->quick[i] ? ", a few iterations" : "", f);
         const pm_search_trial *t = &s->trial[i];
         if (t->failed) {
             fprintf(f, " (failed: %s)\n", t->reason);
