@@ -1269,6 +1269,14 @@ static const pm_logger_column *write_speed(const pm_logger_writer *w, int c, con
     return first;
 }
 
+// Writes the dependence of a friction on the temperature of what it heats, T of `of`.
+static void write_thermal(pm_logger_writer *w, const char *name, const char *of,
+                          const pm_logger_column *T) {
+    fprintf(w->model, "*exp(%s*(%s%s - %.6g)/%.4g)*%sdE.%s",
+            logarithm(w, "thermal", name, MOST_THERMAL), of, T->name, T->mean, T->deviation, of,
+            T->name);
+}
+
 void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t, const char *to) {
     char x[4 * PM_LOGGER_TEXT] = "", name[PM_LOGGER_TEXT];
     const pm_logger_column *y = write_speed(w, c, of, x, sizeof x);
@@ -1298,13 +1306,11 @@ void pm_logger_write_friction(pm_logger_writer *w, int c, const char *of, int t,
         fputs(")", w->model);
     }
     if (t >= 0) {
-        const pm_logger_column *T = &w->v->column[t];
-        fprintf(w->model, "*exp(%s*(%s%s - %.6g)/%.4g)*%sdE.%s\"]",
-                logarithm(w, "thermal", name, MOST_THERMAL), to, T->name, T->mean, T->deviation, to,
-                T->name);
+        write_thermal(w, name, to, &w->v->column[t]);
     } else {
-        fprintf(w->model, "*%sdE.s\"]", to);
+        fprintf(w->model, "*%sdE.s", to);
     }
+    fputs("\"]", w->model);
 }
 
 void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one, const char *two) {
@@ -1314,7 +1320,8 @@ void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one,
     const double lever = pm_logger_is_geared(v, i, j) ? fabs(v->lever[y->mate][other->mate]) : 1;
     const double start = fmax(y->inertia * fabs(v->coupling[i][j]) / lever,
                               SMALL * SMALL * y->inertia * v->fastest / (lever * lever));
-    char both[PM_LOGGER_TEXT], x[PM_LOGGER_LONG_TEXT], heat[PM_LOGGER_TEXT] = "*b.dE.s";
+    const char *of = t >= 0 && v->column[t].part == y->part ? one : two;
+    char both[PM_LOGGER_TEXT], x[PM_LOGGER_LONG_TEXT];
     char first[PM_LOGGER_LONG_TEXT] = "1", second[PM_LOGGER_TEXT] = "-1";
     const bool geared = pm_logger_is_geared(v, i, j);
     snprintf(both, sizeof both, "%.40s_%.40s", y->name, other->name);
@@ -1329,21 +1336,22 @@ void pm_logger_write_rubbing(pm_logger_writer *w, int i, int j, const char *one,
     }
     if (t < 0 && !geared) {
         fprintf(w->model, "[%s%s, %s%s, \"", one, y->name, two, other->name);
-        *heat = '\0';
     } else {
         fprintf(w->model, "[{\"%s%s\": \"%s\", \"%s%s\": %s}, ", one, y->name, first, two,
                 other->name, second);
         if (t >= 0) {
-            const char *of = v->column[t].part == y->part ? one : two;
-            fprintf(w->model, "%s%s", of, v->column[t].name);
-            snprintf(heat, sizeof heat, "*%sdE.%.80s", of, v->column[t].name);
+            fprintf(w->model, "%s%s, \"", of, v->column[t].name);
         } else {
-            fputs("b.s", w->model);
+            fputs("b.s, \"", w->model);
         }
-        fputs(", \"", w->model);
     }
     pm_logger_write_resistance(w, both, x, geared ? other : y, geared ? y : other, start, NULL);
-    fprintf(w->model, "%s\"]", heat);
+    if (t >= 0) {
+        write_thermal(w, both, of, &v->column[t]);
+    } else if (geared) {
+        fputs("*b.dE.s", w->model);
+    }
+    fputs("\"]", w->model);
 }
 
 void pm_logger_write_tide(pm_logger_writer *w, const pm_logger_tide *tide, const char *spin,
