@@ -361,11 +361,16 @@ static void write_lever(pm_logger_writer *w, const char *name, const char *prefi
 }
 
 // Writes the co-energy of what an inductance or a capacity adds that depends on the co-energy
-// itself. It is positive: a part that grows outside the data, bells, and steps that rise and fall,
+// itself. It is positive: parts that grow outside the data, bells, and steps that rise and fall,
 // of learned places and widths. Where an inertia depends on positions by a factor c, all of it is a
 // function of the co-energy times c, divided by c, as for a core that saturates beside a gap.
 static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double inertia,
                         bool turns) {
+    // Powers of the co-energy's fourth power, by which it stays below a limit as what softens does.
+    static const struct {
+        const char *name;
+        int power;
+    } growth[] = {{"more", 1}, {"steep", 2}, {"wall", 4}};
     const char *name = y->name;
     const double d = fmax(fabs(y->least), fabs(y->largest));
     char lever[LEVER_TEXT] = "", u[2 * LEVER_TEXT], first[2 * LEVER_TEXT];
@@ -380,8 +385,12 @@ static void write_bends(pm_logger_writer *w, const pm_logger_column *y, double i
     }
     snprintf(u, sizeof u, turns ? "(%s*exp(0%s))" : "%s%s", name, lever);
     snprintf(first, sizeof first, turns ? "      - \"exp(-(0%s))*(" : "      - \"%s(", lever);
-    pm_logger_constant(w, "more", name, SMALL * inertia, PM_LOGGER_OPTIONAL);
-    fprintf(w->model, "%smore_%s*%s^4/%.4g)\"\n", first, name, u, 4 * 3 * d * d);
+    for (size_t k = 0; k < sizeof growth / sizeof *growth; ++k) {
+        const int n = 4 * growth[k].power;
+        pm_logger_constant(w, growth[k].name, name, SMALL * inertia, PM_LOGGER_OPTIONAL);
+        fprintf(w->model, "%s%s_%s*%.4g*((%s/%.4g)^4)^%d)\"\n", first, growth[k].name, name,
+                d * d / (n * (n - 1)), u, d, growth[k].power);
+    }
     const pm_unit pressure = pm_unit_parse("Pa");
     if (pm_unit_equal(&y->dimension, &pressure) && y->least > SMALL * y->largest) {
         // Gas under pressure p has a capacity of p^-2 at constant temperature, and of less high
