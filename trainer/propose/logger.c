@@ -16,7 +16,7 @@
 // trajectories, because some are kept back to judge it. It takes at most STEPS iterations.
 #define SAMPLES 1500
 #define FEWEST_SAMPLES 1024 // in a batch of single steps
-#define FEWEST_TRAJECTORIES 10
+#define FEWEST_TRAJECTORIES 14
 #define FEWEST_KEPT_BACK 5   // records of which a fit keeps some back (data/split.h)
 #define FEWEST_IN_PIECES 100 // samples of a record that is divided
 #define STEPS 150
@@ -579,28 +579,30 @@ static bool is_over(const hidden_search *s) {
 }
 
 // Tries the first `most` of other laws as long as one of them is better. A few iterations tell
-// which of several laws is worth more.
+// which of several laws is worth more; where there is time for no more, they have to do.
 static pm_status find_laws(hidden_search *s, int most) {
-    for (int before = -1; s->best != before && !is_over(s);) {
-        int from = s->count;
+    for (int before = -1; s->best != before && !explains(s) && s->spent < s->hints->budget &&
+                          s->used < PM_SEARCH_SLOW * s->hints->budget;) {
+        const int from = s->count;
         before = s->best;
         PM_TRY(add_laws(s, most));
-        if (s->count > from + 1) {
-            PM_TRY(try_guesses(s, from, FEW_STEPS));
-            int next = before;
-            for (int i = from; i < s->count; ++i) {
-                next = error_of(s, i) < error_of(s, next) ? i : next;
-            }
-            s->best = before;
-            from = s->count;
-            if (next != before && from < MOST_TRIALS) {
-                s->what[from] = s->what[next];
-                s->found[from] = found_by(s, next);
-                s->lean[from] = s->lean[next];
-                ++s->count;
-            }
+        const bool several = s->count > from + 1;
+        PM_TRY(several || !is_late(s) ? try_guesses(s, from, several ? FEW_STEPS : STEPS) : PM_OK);
+        int next = before;
+        for (int i = from; i < s->count; ++i) {
+            next = error_of(s, i) < error_of(s, next) ? i : next;
         }
-        PM_TRY(try_guesses(s, from, STEPS));
+        if (several && next != before && is_late(s)) {
+            s->best = next;
+        } else if (several && next != before && s->count < MOST_TRIALS) {
+            const int last = s->count;
+            s->best = before;
+            s->what[last] = s->what[next];
+            s->found[last] = found_by(s, next);
+            s->lean[last] = s->lean[next];
+            ++s->count;
+            PM_TRY(try_guesses(s, last, STEPS));
+        }
     }
     return PM_OK;
 }
@@ -772,8 +774,9 @@ static pm_status try_again(hidden_search *s, bool turn) {
 // with fewer constants takes less time, and is easier to read. It may be less likely by as much as
 // so many constants are worth, unless it predicts better. If it is worse, half as many are left
 // out. A fit whose time was over in short windows, far from the noise, does not tell what long ones
-// need. Far from the noise a law is missing, and it is tried once.
-static pm_status leave_out(hidden_search *s) {
+// need. Far from the noise a law is missing, and it is tried once, as
+// with `once`.
+static pm_status leave_out(hidden_search *s, bool once) {
     const int trajectories = s->what[s->best].most;
     const double samples = (double)trajectories * s->dataset->ntime * fmax(s->first.nvariable, 1);
     int most = INT_MAX;
@@ -804,7 +807,7 @@ static pm_status leave_out(hidden_search *s) {
         s->lean_failed[before] =
             !kept && (count < FEWEST_LEFT_OUT || is_late(s) || !is_within(s, FAR));
         most = kept ? INT_MAX : count / 2;
-        if (kept && !is_within(s, FAR)) {
+        if (once || (kept && !is_within(s, FAR))) {
             break;
         }
     }
@@ -902,7 +905,7 @@ static pm_status try_whole(hidden_search *s) {
 static pm_status search_all(hidden_search *s) {
     PM_TRY(find_delays(s));
     PM_TRY(try_again(s, true));
-    PM_TRY(leave_out(s));
+    PM_TRY(leave_out(s, true));
     const int first = s->best;
     // Without noise the errors do not tell whether a variable is missing or a law is wrong.
     PM_TRY(s->first.noisy && is_within(s, FAR) ? find_laws(s, MOST_TRIALS) : PM_OK);
@@ -910,14 +913,14 @@ static pm_status search_all(hidden_search *s) {
     PM_TRY(is_warm(s) ? find_columns(s, LAWS) : PM_OK);
     if (!s->short_of_time) {
         PM_TRY(find_laws(s, 1));
-        PM_TRY(leave_out(s));
+        PM_TRY(leave_out(s, false));
         PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, ROLES));
     const bool near = s->first.noisy ? is_within(s, FAR) : error_of(s, s->best) < SMALL_ERROR;
     PM_TRY(near ? find_columns(s, LAWS) : PM_OK);
-    PM_TRY(leave_out(s));
+    PM_TRY(leave_out(s, false));
     for (int pass = 0; pass < 2; ++pass) {
         if (near == (pass == 0)) {
             PM_TRY(near ? PM_OK : find_columns(s, LAWS));
@@ -927,14 +930,14 @@ static pm_status search_all(hidden_search *s) {
             PM_TRY(find_columns(s, MOVING));
             PM_TRY(find_columns(s, THERMAL));
         }
-        PM_TRY(leave_out(s));
+        PM_TRY(leave_out(s, false));
     }
     PM_TRY(find_inputs(s, MOST_TRIALS));
     PM_TRY(hidden_by(s, s->best) > hidden_by(s, first) ? leave_delays(s) : PM_OK);
     // A better model may tell otherwise.
     PM_TRY(s->best != first ? try_again(s, true) : PM_OK);
     PM_TRY(try_again(s, false));
-    return leave_out(s);
+    return leave_out(s, false);
 }
 
 // Tries what may be hidden, and other laws.
