@@ -639,9 +639,10 @@ pm_status pm_part_visit(const pm_part *part, pm_graph *g, pm_node z, pm_node dE,
         return pm_unstructured_rate_visit(&part->spec.rate, &site, "rate", visit, context);
     }
     const pm_operator L = reversible(part), M = irreversible(part);
-    PM_TRY(pm_potential_visit(&part->spec.energy, &site.symbols, "energy", visit, context));
-    PM_TRY(pm_potential_visit(&part->spec.entropy, &site.symbols, "entropy", visit, context));
-    PM_TRY(pm_potential_visit(&part->spec.coenergy, &site.symbols, "coenergy", visit, context));
+    const pm_symbols symbols = pm_part_symbols(part, g, z); // with the derived variables
+    PM_TRY(pm_potential_visit(&part->spec.energy, &symbols, "energy", visit, context));
+    PM_TRY(pm_potential_visit(&part->spec.entropy, &symbols, "entropy", visit, context));
+    PM_TRY(pm_potential_visit(&part->spec.coenergy, &symbols, "coenergy", visit, context));
     PM_TRY(pm_operator_visit(g, &L, &site, &part->params, dE, dS, visit, context));
     return pm_operator_visit(g, &M, &site, &part->params, dS, dE, visit, context);
 }

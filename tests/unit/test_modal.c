@@ -113,6 +113,24 @@ static void modes_that_carry_the_energy_are_found(void **state) {
     pm_field_free(field);
 }
 
+// The third mode is not turned, and keeps the stiffness against its own load.
+static void few_modes_may_be_turned(void **state) {
+    (void)state;
+    pm_reduce_settings few = settings;
+    pm_field *field = make_body();
+    pm_basis *b = make_basis(field), *other = NULL;
+    few.nturned = 2;
+    assert_int_equal(pm_reduce_fit(&other, field, 4, all, &few), PM_OK);
+    assert_int_equal(other->nstate, 2);
+    for (int i = 0; i < 2; ++i) {
+        assert_true(fabs(other->stiffness[i] / b->stiffness[i] - 1) < 1e-3);
+    }
+    assert_true(other->stiffness[2] > 0);
+    pm_basis_free(other);
+    pm_basis_free(b);
+    pm_field_free(field);
+}
+
 // A feature that is zero but for rounding, whose bits differ from processor to processor, gets no
 // coefficient.
 static void rounding_is_no_feature(void **state) {
@@ -460,6 +478,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rounding_is_no_feature),
         cmocka_unit_test(modes_that_carry_the_energy_are_found),
+        cmocka_unit_test(few_modes_may_be_turned),
         cmocka_unit_test(amplitudes_follow_the_loads),
         cmocka_unit_test(fields_come_back),
         cmocka_unit_test(spoiled_bases_are_refused),

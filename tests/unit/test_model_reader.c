@@ -299,6 +299,39 @@ static const yaml_case bad_port[] = {
     {"law: bracket", "law: contact\nmatrix: [[1, y]]", "y", "expected a number, found \"y\""},
 };
 
+static pm_status visit_features(void *context, const pm_normaliser *n) {
+    int size = 0;
+    if (n->kind == PM_NORMALISE_FEATURES) {
+        assert_int_equal(pm_feature_size(n->expression[0], n->symbols, &size), PM_OK);
+        *(int *)context += size;
+    }
+    return PM_OK;
+}
+
+// A network of an energy may have features of derived variables.
+static void test_derived_features(void **state) {
+    (void)state;
+    static const char text[] = "derived:\n"
+                               "  g: {of: [q, p], matrix: [[0, 1, 2], [3, 4, 5]]}\n"
+                               "energy: {features: [g], skip: quadratic}\n";
+    pm_arena arena = {0};
+    pm_yaml_document *document = NULL;
+    pm_yaml root;
+    pm_part part;
+    pm_graph *g = NULL;
+    int size = 0;
+    assert_int_equal(pm_yaml_parse(&document, text, "t.yaml", &root), PM_OK);
+    assert_int_equal(declare_derived(root, &arena, &part), PM_OK);
+    pm_yaml_close(document);
+    assert_int_equal(pm_graph_open(&g), PM_OK);
+    const pm_node z = pm_input(g, true, 1, 3);
+    assert_int_equal(pm_part_visit(&part, g, z, z, z, visit_features, &size), PM_OK);
+    assert_int_equal(size, 2);
+    pm_graph_close(g);
+    pm_part_free(&part);
+    pm_arena_free(&arena);
+}
+
 static const yaml_case bad_derived[] = {
     {"{of: [q, p]", "{of: [q, x]", "{of", "derived variable g: the state has no group \"x\""},
     {"of: [q, p]", "of: []", "[]", "of: expected 1 to 16 groups"},
@@ -430,6 +463,7 @@ int main(void) {
         cmocka_unit_test(test_matrix),
         cmocka_unit_test(test_identity),
         cmocka_unit_test(test_derived),
+        cmocka_unit_test(test_derived_features),
         cmocka_unit_test(test_bad_derived),
         cmocka_unit_test(test_bad),
     };

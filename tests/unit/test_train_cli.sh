@@ -221,6 +221,8 @@ with_modes 's/symmetry: square/symmetry: round/'
 expect 3 "symmetry: expected one of any, square" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 with_modes 's/state: 3/state: 7/'
 expect 3 "state: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
+with_modes 's/state: 3/state: 3\nturned: 2/'
+expect 3 "turned: expected a whole number" reduce "$modes" --data "$folder/beam.h5" -o "$folder/one"
 
 # --- fit ---
 sed "s|^scene: |scene: $PWD/configs/train/|; /scale:/s/3.4, 3.4/3.4, -3.4/" configs/train/public_beam.yaml >"$folder/bad.yaml"

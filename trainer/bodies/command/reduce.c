@@ -18,13 +18,14 @@ typedef struct reduce_arguments {
 static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings *settings) {
     static const char *const sections[] = {"any", "square", NULL};
     pm_reduce_settings *s = settings;
-    pm_yaml state, leading, relaxation;
+    pm_yaml state, leading, turned, relaxation;
     double *tau = NULL;
     int section = 0;
     const pm_yaml_key keys[] = {
         {PM_YAML_INT("modes", &s->nmode, 1, PM_BASIS_MAX_MODES), .required = true},
         {PM_YAML_VALUE("state", &state), .required = true},
         {PM_YAML_VALUE("leading", &leading), .required = true},
+        {PM_YAML_VALUE("turned", &turned)},
         {PM_YAML_VALUE("relaxation", &relaxation)},
         {PM_YAML_DOUBLE("inertia_time", &s->inertia_time, DBL_MIN, INFINITY), .required = true},
         {PM_YAML_DOUBLE("temperature", &s->temperature, DBL_MIN, INFINITY), .required = true},
@@ -38,6 +39,9 @@ static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings
     PM_TRY(pm_yaml_read(root, arena, keys));
     PM_TRY(pm_yaml_int(state, 1, s->nmode, &s->nstate));
     PM_TRY(pm_yaml_int(leading, 1, s->nmode, &s->nlead));
+    if (pm_yaml_exists(turned)) {
+        PM_TRY(pm_yaml_int(turned, s->nstate, s->nmode, &s->nturned));
+    }
     if (pm_yaml_exists(relaxation)) {
         PM_TRY(pm_yaml_doubles(relaxation, arena, &s->nbranch, &tau));
         if (s->nbranch > PM_BASIS_MAX_BRANCHES) {

@@ -3,6 +3,7 @@
 #include "bodies/modal/reduce.h"
 
 #include <assert.h>
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -339,25 +340,28 @@ static void find_lead_scale(reduction *r, pm_basis *b) {
     }
 }
 
-// Fits the flexibility da/d(load) of the body by a regression of the amplitudes on all features but
-// the amplitudes themselves: internal variables, loads and products. Rotates the modes to the
-// eigenvectors of its symmetric part, and scales them as basis.h says.
-static pm_status rotate_modes(reduction *r, pm_basis *b) {
-    const int n = b->nmode, count = pm_basis_features(b), used = count - n;
+// Fits the flexibility da/d(load) of the first `turned` modes by a regression of their amplitudes
+// on all features but amplitudes and the loads of the other modes: internal variables, loads and
+// products. Rotates them to the eigenvectors of its symmetric part, and scales them as basis.h
+// says. The other modes are scaled by their amplitudes under their own loads.
+static pm_status rotate_modes(reduction *r, pm_basis *b, int turned) {
+    const int n = b->nmode, count = pm_basis_features(b), used = count - 2 * n + turned;
+    const int first = b->nbranch * n; // of the loads, behind the internal variables
     const size_t ntime = (size_t)r->ntime, width = 3 * (size_t)b->nnode;
     double c[PM_BASIS_MAX_BRANCHES * PM_BASIS_MAX_MODES], weight;
+    double work_done[PM_BASIS_MAX_MODES] = {0}, loads[PM_BASIS_MAX_MODES] = {0};
     pm_arena work = {0};
     pm_regression regression = {0};
     double *all = pm_arena_array(&work, (size_t)count, sizeof *all);
     double *feature = pm_arena_array(&work, ntime * (size_t)count, sizeof *feature);
-    double *result = pm_arena_array(&work, ntime * (size_t)n, sizeof *result);
-    double *square = pm_arena_array(&work, (size_t)(n * n), sizeof *square);
-    double *vector = pm_arena_array(&work, (size_t)(n * n), sizeof *vector);
-    double *value = pm_arena_array(&work, (size_t)n, sizeof *value);
-    double *turned = pm_arena_array(&work, (size_t)n * width, sizeof *turned);
+    double *result = pm_arena_array(&work, ntime * (size_t)turned, sizeof *result);
+    double *square = pm_arena_array(&work, (size_t)(turned * turned), sizeof *square);
+    double *vector = pm_arena_array(&work, (size_t)(turned * turned), sizeof *vector);
+    double *value = pm_arena_array(&work, (size_t)turned, sizeof *value);
+    double *mode = pm_arena_array(&work, (size_t)n * width, sizeof *mode);
     pm_status status;
     PM_TRY_DONE(pm_arena_status(&work, "a reduction"));
-    PM_TRY_DONE(pm_regression_open(&regression, used, n));
+    PM_TRY_DONE(pm_regression_open(&regression, used, turned));
     find_lead_scale(r, b);
     for (int at = 0; next_copy(r, &at, &weight);) {
         project(r, b);
@@ -366,31 +370,38 @@ static pm_status rotate_modes(reduction *r, pm_basis *b) {
             take_state(r, b, j, c, &state);
             pm_basis_fill_features(b, &state, all);
             for (int i = 0; i < used; ++i) {
-                feature[(ptrdiff_t)j * used + i] = weight * all[n + i];
+                const int from = n + i + (i < first + turned ? 0 : n - turned);
+                feature[(ptrdiff_t)j * used + i] = weight * all[from];
             }
-            for (int i = 0; i < n; ++i) {
-                result[(ptrdiff_t)j * n + i] = weight * state.a[i];
+            for (int i = 0; i < turned; ++i) {
+                result[(ptrdiff_t)j * turned + i] = weight * state.a[i];
+            }
+            for (int i = turned; i < n; ++i) {
+                work_done[i] += weight * weight * state.a[i] * state.load[i];
+                loads[i] += weight * weight * state.load[i] * state.load[i];
             }
         }
         pm_regression_add(&regression, r->ntime, feature, result);
     }
     PM_TRY_DONE(pm_regression_solve(&regression, RIDGE));
     // All modes have stiffness 1 here.
-    const double *cross = regression.cross + (ptrdiff_t)b->nbranch * n * n;
-    for (int i = 0; i < n; ++i) {
-        for (int j = 0; j < n; ++j) {
-            square[i * n + j] = 0.5 * (cross[i * n + j] + cross[j * n + i]);
+    const double *cross = regression.cross + (ptrdiff_t)first * turned;
+    for (int i = 0; i < turned; ++i) {
+        for (int j = 0; j < turned; ++j) {
+            square[i * turned + j] = 0.5 * (cross[i * turned + j] + cross[j * turned + i]);
         }
     }
-    if (!pm_eigen_largest(n, square, n, value, vector)) {
+    if (!pm_eigen_largest(turned, square, turned, value, vector)) {
         PM_TRY_DONE(pm_fail(PM_ENUMERIC, "no eigenvectors of the flexibility"));
     }
-    pm_gemm(false, false, n, (int)width, n, vector, b->mode, turned);
+    memcpy(mode, b->mode, (size_t)n * width * sizeof *mode);
+    pm_gemm(false, false, turned, (int)width, turned, vector, b->mode, mode);
     for (size_t i = 0; i < (size_t)n; ++i) {
-        const double softness = fmax(value[i], STIFFEST * value[0]);
+        const double own = i < (size_t)turned ? value[i] : work_done[i] / fmax(loads[i], DBL_MIN);
+        const double softness = fmax(own, STIFFEST * value[0]);
         b->stiffness[i] = 1 / softness;
         for (size_t k = 0; k < width; ++k) {
-            b->mode[i * width + k] = sqrt(softness) * turned[i * width + k];
+            b->mode[i * width + k] = sqrt(softness) * mode[i * width + k];
         }
     }
 done:
@@ -400,9 +411,10 @@ done:
 }
 
 // Orders the modes: first those that carry the energy, at most `most`, softest first; then the
-// others by the work of the loads on them, a measure of which is the product of both sums of
-// squares. Returns the number of modes that carry the energy. `order` is [2 nmode].
-static int order_modes(reduction *r, const pm_basis *b, int most, int *order) {
+// others, the first `turned` before the rest, by the work of the loads on them, a measure of which
+// is the product of both sums of squares. Returns the number of modes that carry the energy.
+// `order` is [2 nmode].
+static int order_modes(reduction *r, const pm_basis *b, int most, int turned, int *order) {
     double loads[PM_BASIS_MAX_MODES] = {0}, amplitudes[PM_BASIS_MAX_MODES] = {0}, weight;
     const int n = b->nmode;
     int count = 0, rest = 0, *other = order + n;
@@ -425,7 +437,9 @@ static int order_modes(reduction *r, const pm_basis *b, int most, int *order) {
             continue;
         }
         int at = rest++;
-        for (; at > 0 && amplitudes[other[at - 1]] * loads[other[at - 1]] < work; --at) {
+        for (; at > 0 && (i < turned || other[at - 1] >= turned) &&
+               amplitudes[other[at - 1]] * loads[other[at - 1]] < work;
+             --at) {
             other[at] = other[at - 1];
         }
         other[at] = i;
@@ -452,6 +466,7 @@ static pm_status set_constants(pm_basis *b, const pm_reduce_settings *settings,
 // Makes a basis with its modes. The caller frees it, after a failure too.
 static pm_status find_modes(reduction *r, const pm_reduce_settings *settings, pm_basis **basis) {
     const int n = settings->nmode, most = settings->nlead < n ? settings->nlead : n;
+    const int turned = settings->nturned > 0 ? settings->nturned : n;
     const size_t width = 3 * (size_t)r->nnode;
     int order[2 * PM_BASIS_MAX_MODES];
     pm_basis *all = NULL;
@@ -459,8 +474,8 @@ static pm_status find_modes(reduction *r, const pm_reduce_settings *settings, pm
     PM_TRY_DONE(pm_basis_new(&all, r->nnode, n, n, most));
     PM_TRY_DONE(set_constants(all, settings, r->field));
     PM_TRY_DONE(decompose(r, all));
-    PM_TRY_DONE(rotate_modes(r, all));
-    const int nstate = order_modes(r, all, settings->nstate, order);
+    PM_TRY_DONE(rotate_modes(r, all, turned));
+    const int nstate = order_modes(r, all, settings->nstate, turned, order);
     if (nstate == 0) {
         PM_TRY_DONE(pm_fail(PM_EDATA, "no mode of the displacements follows the loads"));
     }

@@ -15,6 +15,7 @@ typedef struct pm_reduce_settings {
     int nmode;                         // modes in all, at most PM_BASIS_MAX_MODES
     int nstate;                        // the largest number of modes that carry the energy
     int nlead;                         // the largest number of these that appear in products
+    int nturned;                       // modes that are turned until loads move them alone; 0: all
     int nbranch;                       // at most PM_BASIS_MAX_BRANCHES
     double tau[PM_BASIS_MAX_BRANCHES]; // s, relaxation times
     double inertia_time;               // s
