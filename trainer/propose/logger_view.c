@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "data/hold.h"
 #include "propose/logger_reactions.h"
 #include "propose/logger_terms.h"
 
@@ -1483,6 +1484,9 @@ static pm_status take_columns(pm_logger_samples *w, const pm_logger_hints *hints
             }
             ++view->ncolumn;
             (void)pm_logger_measure(w, view->ncolumn - 1);
+            pm_hold hold = PM_HOLD_SMOOTH; // of a column that changes seldom, or jumps
+            PM_TRY(pass == 1 ? pm_hold_of_column(d, c, &hold) : PM_OK);
+            column->held = column->held || hold == PM_HOLD_PREVIOUS;
             // A formula tells what a sensor shows in the units of the data.
             column->saturates =
                 pass == 0 && own.factor == 1 && own.offset == 0 && saturates(w, view->ncolumn - 1);
