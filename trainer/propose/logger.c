@@ -1112,11 +1112,19 @@ static void print_trials(const hidden_search *s, FILE *f) {
             fprintf(f, " (%.3g)\n", PERCENT * t->score.rollout);
         }
     }
-    const double budget = s->hints->budget;
+    const double budget = s->hints->budget, error = error_of(s, s->best);
+    if (isfinite(error)) {
+        printf("tried %d hypothes%s: the best one misses %s by %.3g %% of the deviation%s\n",
+               s->count, s->count == 1 ? "is" : "es",
+               is_divided(s) ? "pieces that it has not seen" : "the validation part",
+               PERCENT * error, error > NOTHING ? ", so that a fit of it will hardly be good" : "");
+    } else if (s->count > 0) {
+        printf("tried %d hypothes%s: none leads to a model (%s)\n", s->count,
+               s->count == 1 ? "is" : "es", s->trial[s->best].reason);
+    }
     if (!explains(s) && is_over(s)) {
-        fprintf(f, "# Time was up before all was tried: --budget %.0f tries more.\n", 2 * budget);
-        printf("time was up before all hypotheses were tried: --budget %.0f tries more\n",
-               2 * budget);
+        fprintf(f, "# Time was left for no other trial: --budget %.0f tries more.\n", 2 * budget);
+        printf("time was left for no other trial: --budget %.0f tries more\n", 2 * budget);
     }
 }
 

@@ -1173,7 +1173,7 @@ void pm_logger_write_heat(pm_logger_writer *w, char *flow, char *lost, size_t si
         return;
     }
     if (cell == NULL && input->least >= 0) {
-        pm_logger_constant(w, "gain", name, gain, "");
+        pm_logger_constant(w, "gain", name, gain, PM_LOGGER_OPTIONAL);
         snprintf(flow, size, "(gain_%s)/a.dE.%s", name, y->name);
         return;
     }
