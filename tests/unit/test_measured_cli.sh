@@ -55,6 +55,10 @@ succeed "arm: the data do not fix useless" fit "$folder/training.yaml" --data "$
 grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expected a stiffness of 9"
 grep -qE "^  arm.viscous = 0.(19[5-9]|20[0-5])" "$folder/out" || fail "fit: expected a friction of 0.2"
 grep -q "arm.s: the data do not fix its start" "$folder/out" || fail "fit: the entropy is fixed by nothing"
+grep -q "Energies of" "$folder/out" && fail "fit: its mass is known, so that its energy is"
+sed 's|p^2/2 - stiffness\*cos(q) + useless|scale*(p^2/2 - stiffness*cos(q))|; s/useless:/scale:/' "$folder/training.yaml" >"$folder/scale.yaml"
+succeed "Energies of arm, and the powers through its ports, are known to" fit "$folder/scale.yaml" --data "$folder/swing.h5" \
+    -o "$folder/scaled"
 succeed "3 trajectories that the weights were trained or validated on are left out" evaluate "$folder/pendulum.yaml" \
     --weights "$folder/weights" --data "$folder/swing.h5" --estimate 1.5 --record "$folder/y.h5"
 inside=$(awk '$1 == "angle" { print int($6) }' "$folder/out")

@@ -108,6 +108,7 @@ typedef struct pm_fit_measured {
     // short fit, [size] which of them are spare (pm_uncertainty_spare). Both NULL in other fits.
     unsigned char *optional;
     int *spare;
+    double *energy;     // [nsubsystem] pm_uncertainty_energies, after the fit; NAN: not known
     double *left_out;   // [ny] median error of trajectories or pieces that were left out; NAN: none
     double huber;       // pm_shooting_terms.huber unless windows begin as whole trajectories
     double seconds;     // of CPU time on a nominal machine, that fit and score have taken

@@ -49,6 +49,7 @@
 #define NEGLIGIBLE 0.01    // of the deviation of a column over all trajectories
 #define LEAST_COVERAGE 0.7 // of bands of 90 %, in a good fit
 #define NORMAL 1.644854    // half the width of a band of 90 %, in deviations
+#define UNKNOWN_ENERGY 0.1 // standard deviation of energies that is told, over their changes
 #define MOST_REPORTED 8    // trajectories whose starts the report estimates
 #define EARLY_REACH 1.0    // of the logarithm of a positive constant, before the last point
 #define FAR_REACH 1e6      // of constants whose unit and size are not known
@@ -219,6 +220,11 @@ static pm_status load(pm_fit *f) {
     m->point_noise = pm_arena_array(&f->arena, ny, sizeof *m->point_noise);
     m->moved = pm_arena_array(&f->arena, nz, sizeof *m->moved);
     m->left_out = pm_arena_array(&f->arena, ny, sizeof *m->left_out);
+    const int nsubsystem = f->training->scene->physics.nsubsystem;
+    m->energy = pm_arena_array(&f->arena, (size_t)nsubsystem, sizeof *m->energy);
+    for (int i = 0; i < nsubsystem && m->energy != NULL; ++i) {
+        m->energy[i] = NAN;
+    }
     PM_TRY(pm_arena_status(&f->arena, "measurements"));
     // Assigns the noise of the training file to columns.
     for (int i = 0; i < f->training->nnoise; ++i) {
@@ -506,6 +512,7 @@ static pm_status find_uncertainty(pm_fit *f, pm_shooting *s, bool final) {
     PM_TRY_DONE(pm_calibration_make(&u, divides ? &d.shooting : s, &how));
     if (final) {
         pm_uncertainty_print(&u, s);
+        PM_TRY_DONE(pm_uncertainty_energies(&u, s, m->energy));
         PM_TRY_DONE(pm_identifiability_print(&u, s));
         status = pm_uncertainty_save(&u, f->arguments->output);
     }
@@ -1187,6 +1194,13 @@ static pm_status report(pm_fit *f, const pm_measure *ignored) {
         "On the %s part predictions miss at most %.3g %% of a column's deviation in the median.",
         where, 100 * worst);
     pm_verdict_print(&v, text, f->verdict);
+    for (int i = 0; i < f->training->scene->physics.nsubsystem; ++i) {
+        if (m->energy[i] > UNKNOWN_ENERGY) {
+            printf(
+                "  Energies of %s, and the powers through its ports, are known to %.2g %% only.\n",
+                f->training->scene->physics.subsystem[i].name, 100 * m->energy[i]);
+        }
+    }
 done:
     pm_estimate_free(&e);
     pm_uncertainty_free(&u);

@@ -9,6 +9,7 @@
 
 #include "base/linalg.h"
 #include "data/trained.h"
+#include "graph/program.h"
 #include "model/constants.h"
 #include "store/hdf5_io.h"
 
@@ -239,6 +240,93 @@ pm_status pm_uncertainty_make(pm_uncertainty *u, pm_shooting *s) {
 void pm_uncertainty_free(pm_uncertainty *u) {
     pm_arena_free(&u->arena);
     *u = (pm_uncertainty){0};
+}
+
+// --- how well energies are known ---
+
+#define OF_DEVIATION 1e-3 // by which a weight moves for a difference quotient
+
+// The energy of a subsystem, with the lowest and the highest of the fitted states.
+typedef struct energy_range {
+    pm_program *program;
+    double *z;
+    const double *value;
+    const double *low, *high; // [nz]
+    size_t nz;
+} energy_range;
+
+static double energy_at(const energy_range *e, const double *z) {
+    memcpy(e->z, z, e->nz * sizeof *z);
+    pm_program_run(e->program, 1);
+    return *e->value;
+}
+
+static void find_range(energy_range *e, const pm_shooting *s, int first) {
+    double lowest = INFINITY, highest = -INFINITY;
+    for (int i = 0; i < s->tracks->count; i += s->stride) {
+        for (int k = 0; k < s->tracks->track[i].count; ++k) {
+            const double *z = s->state[i] + (ptrdiff_t)k * s->nz + first;
+            const double energy = energy_at(e, z);
+            e->low = energy < lowest ? z : e->low;
+            e->high = energy > highest ? z : e->high;
+            lowest = fmin(lowest, energy);
+            highest = fmax(highest, energy);
+        }
+    }
+}
+
+pm_status pm_uncertainty_energies(const pm_uncertainty *u, const pm_shooting *s, double *share) {
+    pm_system *system = s->how.system;
+    const size_t n = (size_t)u->nweight;
+    pm_arena scratch = {0};
+    pm_status status;
+    double *theta = pm_arena_array(&scratch, n + 1, sizeof *theta);
+    double *slope = pm_arena_array(&scratch, n + 1, sizeof *slope);
+    PM_TRY_DONE(pm_arena_status(&scratch, "the uncertainty of energies"));
+    for (int i = 0; i < system->scene->physics.nsubsystem; ++i) {
+        const pm_part *part = system->part[i];
+        pm_graph *g = NULL;
+        energy_range e = {.nz = (size_t)part->layout.nz};
+        share[i] = NAN;
+        PM_TRY_DONE(pm_graph_open(&g));
+        const pm_node z = pm_input(g, true, 1, part->layout.nz);
+        const pm_node energy = pm_part_has_energy(part) ? pm_part_energy(g, part, z) : PM_NO_NODE;
+        if (energy != PM_NO_NODE) {
+            const pm_node own = pm_broadcast_to(g, energy, (pm_shape){true, 1, 1});
+            status = pm_program_open(&e.program, g, 1, &own, 1);
+            e.z = status == PM_OK ? pm_program_input(e.program, z) : NULL;
+            e.value = status == PM_OK ? pm_program_value(e.program, own) : NULL;
+        }
+        if (e.z != NULL) {
+            find_range(&e, s, system->scene->physics.subsystem[i].first);
+        }
+        if (e.low != NULL && e.high != NULL) {
+            const double all = energy_at(&e, e.high) - energy_at(&e, e.low);
+            double variance = 0;
+            for (size_t k = 0; k < n; ++k) {
+                const double step = OF_DEVIATION * sqrt(u->covariance[k * (n + 1)]);
+                double end[2] = {0};
+                for (int side = 0; side < 2 && step > 0; ++side) {
+                    memcpy(theta, u->weights, n * sizeof *theta);
+                    theta[k] += side == 0 ? -step : step;
+                    pm_trained_scatter(system, theta);
+                    end[side] = energy_at(&e, e.high) - energy_at(&e, e.low);
+                }
+                slope[k] = step > 0 ? (end[1] - end[0]) / (2 * step) : 0;
+            }
+            pm_trained_scatter(system, u->weights);
+            for (size_t k = 0; k < n * n; ++k) {
+                variance += slope[k / n] * u->covariance[k] * slope[k % n];
+            }
+            share[i] = all > 0 ? sqrt(fmax(variance, 0)) / all : NAN;
+        }
+        pm_program_close(e.program);
+        pm_graph_close(g);
+        PM_TRY_DONE(status);
+    }
+done:
+    pm_arena_free(&scratch);
+    return status;
 }
 
 // --- what may as well be zero ---

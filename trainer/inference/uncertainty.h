@@ -77,6 +77,11 @@ pm_status pm_uncertainty_load(pm_uncertainty *u, const char *folder, pm_system *
 // names of the scene: constants, directions of network weights, and starts of hidden components.
 void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s);
 
+// Finds how well energies are known: share [nsubsystem] becomes the standard deviation of the
+// difference between the lowest and the highest energy of the fitted states, over this difference;
+// NAN: the subsystem has no energy, or it does not change. PM_ENOMEM.
+pm_status pm_uncertainty_energies(const pm_uncertainty *u, const pm_shooting *s, double *share);
+
 // Prints a line for each direction in the space of all weights along which the standard deviation
 // is large: a factor of 1.28 for positive constants, a quarter of their size for others. The
 // directions are the eigenvectors of the covariance in these units. A line says by how much each
