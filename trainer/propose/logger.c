@@ -528,11 +528,15 @@ static bool is_twin(const hidden_search *s, int id) {
 // Adds up to `most` guesses that differ from the best one by a richer law. Constants that they
 // share with the best one begin where its trial ended.
 static pm_status add_laws(hidden_search *s, int most) {
-    static const int richer[][2] = {
-        {PM_LOGGER_INERTIA, SUMMED_INERTIA},         {PM_LOGGER_COUPLING, LEARNED_COUPLING},
-        {PM_LOGGER_FRICTION, WAVY_FRICTION},         {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
-        {PM_LOGGER_INERTIA, LEARNED_INERTIA},        {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
-        {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS}, {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
+    static const int richer[][2] = {{PM_LOGGER_SHARING, 1},
+                                    {PM_LOGGER_INERTIA, SUMMED_INERTIA},
+                                    {PM_LOGGER_COUPLING, LEARNED_COUPLING},
+                                    {PM_LOGGER_FRICTION, WAVY_FRICTION},
+                                    {PM_LOGGER_CAPACITY, LEARNED_CAPACITY},
+                                    {PM_LOGGER_INERTIA, LEARNED_INERTIA},
+                                    {PM_LOGGER_POTENTIAL, SPRINGS_OF_ANGLES},
+                                    {PM_LOGGER_POTENTIAL, NETWORK_OF_POSITIONS},
+                                    {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int all = sizeof richer / sizeof *richer;
     const int *chosen = s->what[s->best].chosen;
     pm_logger_hints hints = *s->hints;
@@ -549,8 +553,10 @@ static pm_status add_laws(hidden_search *s, int most) {
         if (chosen[which] == 0 && richer[k][1] < count) {
             s->what[s->count] = s->what[s->best];
             s->what[s->count].chosen[which] = richer[k][1];
-            s->found[s->count] = found_by_best(s);
-            s->lean[s->count] = s->lean[s->best];
+            // Laws of each co-energy alone have made up for what they share.
+            const bool anew = which == PM_LOGGER_SHARING;
+            s->found[s->count] = anew ? NULL : found_by_best(s);
+            s->lean[s->count] = s->lean[s->best] && !anew;
             s->count += !is_twin(s, s->count);
         }
     }
@@ -899,8 +905,9 @@ static pm_status try_whole(hidden_search *s) {
 // Tries delays, guesses and laws, as long as the best trial does not explain the data. A missing
 // hidden variable leaves a large error, and a wrong law a small one, so that hidden variables come
 // before most laws. Motion heats, but heat hardly moves, so that variables hidden behind
-// temperatures come last, and inputs are looked at once more after them. Two laws come first,
-// because hidden variables would make up for their lack: inertias that depend on positions and,
+// temperatures come last, and inputs are looked at once more after them. Some laws come first,
+// because hidden variables would make up for their lack: inertias that depend on positions or are
+// shared and,
 // where the error is large, couplings that depend on flows.
 static pm_status search_all(hidden_search *s) {
     PM_TRY(find_delays(s));
@@ -912,9 +919,9 @@ static pm_status search_all(hidden_search *s) {
     // Guesses about heat come first where temperatures are predicted worst.
     PM_TRY(is_warm(s) ? find_columns(s, LAWS) : PM_OK);
     if (!s->short_of_time) {
-        PM_TRY(find_laws(s, 1));
+        PM_TRY(find_laws(s, 2));
         PM_TRY(leave_out(s, false));
-        PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 2));
+        PM_TRY(find_laws(s, error_of(s, s->best) < SMALL_ERROR ? 0 : 3));
     }
     PM_TRY(find_inputs(s, 1));
     PM_TRY(find_columns(s, ROLES));

@@ -187,12 +187,13 @@ static const choice choices[PM_LOGGER_NCHOICE] = {
      3,
      {"a power of the temperature, radiation and convection", "constant and convection",
       "constant"}},
+    {"inertia of like co-energies", 2, {"each its own", "shared"}},
     {"flow between levels", 2, {"powers of levels", "learned"}},
     {"inputs between samples", 2, {"as they look", "held"}}};
 
 int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, const char **name,
                            const char *const **alternative) {
-    int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0, pairs = 0;
+    int flows = 0, mechanical = 0, temperatures = 0, levels = 0, others = 0, pairs = 0, shared = 0;
     bool springs = false; // an angle may have one, and has none yet
     bool smooth = false, unshown = false;
     for (int u = v->nvariable; u < v->ncolumn; ++u) {
@@ -210,6 +211,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
         others += column->kind == PM_LOGGER_FLOW && column->mate < 0;
         for (int j = 0; j < c; ++j) {
             pairs += v->column[j].part == column->part && pm_logger_is_coupled(v, j, c, false);
+            shared += pm_logger_may_share(v, j, c);
         }
     }
     const bool some[PM_LOGGER_NCHOICE] = {flows > 0,
@@ -218,6 +220,7 @@ int pm_logger_alternatives(const pm_logger_view *v, pm_logger_choice which, cons
                                           pairs > 0,
                                           temperatures + levels + others > 0,
                                           temperatures > 0,
+                                          shared > 0,
                                           levels > 0,
                                           smooth};
     *name = choices[which].name;

@@ -15,6 +15,7 @@ typedef enum pm_logger_choice {
     PM_LOGGER_COUPLING,   // whether what couples flows depends on them
     PM_LOGGER_CAPACITY,   // whether capacities depend on temperatures and on other co-energies
     PM_LOGGER_CONDUCTION, // how conduction depends on temperatures
+    PM_LOGGER_SHARING,    // whether like co-energies share an inertia or a capacity
     PM_LOGGER_LEVELS,     // how the flow between levels depends on them
     PM_LOGGER_HOLD,       // what inputs are between samples: a choice of the scene
     PM_LOGGER_NCHOICE

@@ -576,7 +576,8 @@ void pm_logger_write_coenergy(pm_logger_writer *w, int part) {
             fputs(turns ? ")*" : "", w->model);
             bool shares = false;
             for (int j = c + 1; j < w->v->nvariable; ++j) {
-                if (w->v->mutual[c][j] != 0) {
+                if (w->v->mutual[c][j] != 0 ||
+                    (w->chosen[PM_LOGGER_SHARING] > 0 && pm_logger_may_share(w->v, c, j))) {
                     char both[PM_LOGGER_TEXT];
                     snprintf(both, sizeof both, "%.40s_%.40s", y->name, w->v->column[j].name);
                     fprintf(w->model, "%s%s + %s*%s", shares ? "" : "(", shares ? "" : y->name,

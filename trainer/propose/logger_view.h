@@ -459,6 +459,15 @@ static inline bool pm_logger_hides_turning(const pm_logger_view *view, int c) {
            !view->turns[c] && !(y->mate >= 0 && view->inertial[y->part]);
 }
 
+// Returns true if co-energies i < j may share an inertia or a capacity, although no input shows it:
+// they are alike, and no positions belong to them.
+static inline bool pm_logger_may_share(const pm_logger_view *view, int i, int j) {
+    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    return i < j && a->part == b->part && a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW &&
+           a->mate < 0 && b->mate < 0 && a->relaxes == 0 && b->relaxes == 0 &&
+           pm_unit_equal(&a->dimension, &b->dimension);
+}
+
 // Returns true if an angle may have a spring: it does not turn around.
 static inline bool pm_logger_may_spring(const pm_logger_column *angle) {
     return angle->angle && angle->largest - angle->least < PM_LOGGER_TURN;
