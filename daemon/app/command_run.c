@@ -257,6 +257,7 @@ static pm_status execute_run(const pm_run_options *options) {
                                   "and --held for clients over LCM, not for --in-process");
     }
     PM_TRY_DONE(pm_prepare(&setup, options, PM_TO_COORDINATE));
+    PM_TRY_DONE(pm_prepare_check_steps(&setup, options));
     if (options->copies > 0 || options->starts != NULL) {
         status = run_copies(&setup, options);
         goto done;

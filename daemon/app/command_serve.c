@@ -550,6 +550,7 @@ static pm_status execute_coordinator(const pm_run_options *options) {
     pm_status status;
     own.elsewhere = true;
     PM_TRY_DONE(prepare(&setup, options, PM_TO_COORDINATE, "coordinator"));
+    PM_TRY_DONE(pm_prepare_check_steps(&setup, options));
     status = pm_serve_coordinator(&setup, &own);
 done:
     pm_setup_free(&setup);

@@ -29,6 +29,21 @@ pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose 
     return options->replay == NULL ? PM_OK : pm_setup_replay(setup, options->replay);
 }
 
+pm_status pm_prepare_check_steps(const pm_setup *setup, const pm_run_options *options) {
+    const pm_scene *scene = setup->scene;
+    const pm_scene_boundary_input *ending =
+        pm_boundary_input_ending(&setup->boundary_input, scene->run.steps - 1L);
+    if (ending == NULL || options->held) {
+        return PM_OK;
+    }
+    return pm_fail(PM_EDATA,
+                   "scene %s: expected a run of at most %ld steps, found %d: boundary input %s "
+                   "follows trajectory %d of %s, which ends after %ld steps",
+                   scene->name, setup->boundary_input.end, scene->run.steps, ending->name,
+                   scene->run.reference_trajectory, scene->run.reference,
+                   setup->boundary_input.end);
+}
+
 pm_status pm_prepare_checkpoint(pm_setup *setup, const pm_run_options *options, const char *process,
                                 const char **path) {
     const char *folder = options->checkpoint;

@@ -345,18 +345,28 @@ const double *pm_boundary_input_interval(const pm_boundary_input *boundary_input
                                              PM_BOUNDARY_INPUT_ORDER * (ptrdiff_t)boundary_input->n;
 }
 
-bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step) {
-    if (step < boundary_input->end) {
-        return true;
+const pm_scene_boundary_input *pm_boundary_input_ending(const pm_boundary_input *boundary_input,
+                                                        long step) {
+    if (step < boundary_input->end || boundary_input->n == 0) {
+        return NULL;
     }
-    for (int i = 0; i < boundary_input->n; ++i) {
-        const bool held = boundary_input->held != NULL && !isnan(boundary_input->held[i]);
-        const bool live = boundary_input->live != NULL && boundary_input->live_id[i] >= 0;
-        if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT && !held && !live) {
-            return false;
+    const pm_physics *physics = &boundary_input->scene->physics;
+    for (int input_id = 0; input_id < physics->nboundary_input; ++input_id) {
+        const pm_scene_boundary_input *owner = &physics->boundary_input[input_id];
+        for (int k = 0; k < 3 * owner->layout.nz; ++k) {
+            const int i = owner->first + k;
+            const bool held = boundary_input->held != NULL && !isnan(boundary_input->held[i]);
+            const bool live = boundary_input->live != NULL && boundary_input->live_id[i] >= 0;
+            if (boundary_input->column[i] != PM_BOUNDARY_INPUT_CONSTANT && !held && !live) {
+                return owner;
+            }
         }
     }
-    return true;
+    return NULL;
+}
+
+bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step) {
+    return pm_boundary_input_ending(boundary_input, step) == NULL;
 }
 
 void pm_boundary_input_at(const pm_boundary_input *boundary_input, long step, double fraction,

@@ -100,8 +100,12 @@ double pm_boundary_input_of(const pm_boundary_input *boundary_input, int i, doub
 void pm_boundary_input_over(const pm_boundary_input *boundary_input, double from, double end,
                             double *coefficient);
 
-// Returns true if the step that begins after `step` steps lies within the trajectory, or if `held`
-// replaces every value that follows a column.
+// Returns the first boundary input of the scene with a value that follows a column which has ended
+// before the step that begins after `step` steps, and that neither `live` nor `held` replaces; or
+// NULL.
+const pm_scene_boundary_input *pm_boundary_input_ending(const pm_boundary_input *boundary_input,
+                                                        long step);
+// Returns true if there is no such boundary input: a run can take the step.
 bool pm_boundary_input_covers(const pm_boundary_input *boundary_input, long step);
 
 // Writes the values at step `step` of the scene plus a fraction (0 to 1) of a step to value

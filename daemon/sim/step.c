@@ -421,13 +421,15 @@ pm_status pm_local_subsystems_end_step(pm_local_subsystems *local) {
     for (int i = 0; i < m->count && d->doubtful && status == PM_OK; ++i) {
         status = check_subsystem(m, d, m->id[i], d->scratch);
     }
-    if (status == PM_OK && d->boundary_input != NULL &&
-        !pm_boundary_input_covers(d->boundary_input, d->step)) {
-        status = pm_fail(
-            PM_EDATA,
-            "subsystem %s: the trajectory of its boundary input ends after %ld steps: take fewer "
-            "steps, or a longer trajectory",
-            m->system->scene->physics.subsystem[m->id[0]].name, d->boundary_input->end);
+    const pm_scene_boundary_input *ending =
+        status == PM_OK && d->boundary_input != NULL
+            ? pm_boundary_input_ending(d->boundary_input, d->step)
+            : NULL;
+    if (ending != NULL) {
+        status = pm_fail(PM_EDATA,
+                         "boundary input %s: the trajectory that it follows ends after %ld steps: "
+                         "take fewer steps, or a longer trajectory",
+                         ending->name, d->boundary_input->end);
     }
     if (status == PM_OK && d->unsolved > 0) {
         int i = 0;

@@ -349,8 +349,8 @@ static void a_run_ends_with_what_it_follows(void **state) {
     open(&l, 1, "rk4", 0.02, 1, PM_HOLD_SMOOTH);
     run(&l);
     assert_int_equal(pm_monolithic_step(l.assembly), PM_EDATA);
-    assert_non_null(
-        strstr(pm_error(), "subsystem a: the trajectory of its boundary input ends after 8 steps"));
+    assert_non_null(strstr(pm_error(), "boundary input idle: the trajectory that it follows ends "
+                                       "after 8 steps"));
     close(&l);
 }
 

@@ -378,6 +378,7 @@ static void trajectories_may_be_short(void **state) {
     assert_int_equal(f.boundary_input.end, 3);
     assert_true(pm_boundary_input_covers(&f.boundary_input, 2));
     assert_false(pm_boundary_input_covers(&f.boundary_input, 3));
+    assert_string_equal(pm_boundary_input_ending(&f.boundary_input, 3)->name, "hand");
     for (int j = 0; j < 6; ++j) {
         pm_dataset_state(f.data, 0, j)[0] = NAN;
     }
