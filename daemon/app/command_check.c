@@ -85,6 +85,10 @@ static void print_header(const pm_setup *setup, int rounds) {
         printf("  reference  %s, trajectory %d of %d, %d states of %g s\n", scene->run.reference,
                scene->run.reference_trajectory, setup->reference->ntrajectory,
                setup->reference->ntime, setup->reference->dt);
+    } else if (scene->run.reference != NULL) {
+        printf("  reference  %s, trajectory %d: measurements, whose first %g s tell the start\n",
+               scene->run.reference, scene->run.reference_trajectory,
+               scene->run.reference_estimate);
     }
     if (setup->initial != NULL) {
         printf("  digest     %016" PRIx64 "\n", setup->system->digest);
@@ -516,7 +520,11 @@ static void print_skipped(const pm_setup *setup) {
                        spec->form, 2, ends);
     }
     if (setup->reference == NULL) {
-        printf("  no reference: no error table, and no states in reports unless --record asks\n");
+        printf("  %s: no error table, and no states in reports unless --record asks\n",
+               setup->scene->run.reference == NULL
+                   ? "no reference"
+                   : "the reference holds measurements, with which `portmet-train evaluate "
+                     "--estimate` compares");
     }
     printf("  no recorder unless --record names a file\n");
 }

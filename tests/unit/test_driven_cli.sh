@@ -226,6 +226,11 @@ succeed "steps in violation 0" evaluate "$folder/uneven.yaml" --weights "$folder
 awk '$1 == "i" || $1 == "v" { if (!($3 < 1)) exit 1; n++ } END { exit n == 2 ? 0 : 1 }' "$folder/out" ||
     fail "evaluate: expected errors below 1 %: $(cat "$folder/out")"
 both_ways "$folder/uneven.yaml" "$folder/u"
+program=$portmetd succeed "uneven.h5, trajectory 5: measurements, whose first 0.5 s tell the start" check "$folder/uneven.yaml" \
+    --weights "$folder/u"
+grep -q "the reference holds measurements, with which .* compares: no error table" "$folder/out" ||
+    fail "check: expected a reason why there is no error table"
+grep -q "no reference" "$folder/out" && fail "check: there is a reference"
 awk '$1 == "coil" && $2 == "warm" { exit $3 < -0.01 && $3 > -1 ? 0 : 1 }' "$folder/one" ||
     fail "run: the voltage in mV was not converted: $(cat "$folder/one")"
 sed 's/U - coil.inner/W - coil.outer/' "$folder/uneven.yaml" >"$folder/unknown.yaml"
