@@ -373,9 +373,16 @@ static void add_states(fmu_writer *w) {
             state->nominal = most > 0 && most < DBL_MAX ? most : 1;
             const char *const group = s->layout.group[g].name, *const part = s->name;
             state->description = pm_arena_printf(w->arena, "state %s of %s", group, part);
+            if (s->relative_subsystem[g] >= 0) {
+                const pm_scene_subsystem *base =
+                    &w->scene->physics.subsystem[s->relative_subsystem[g]];
+                state->description =
+                    pm_arena_printf(w->arena, "%s, measured from %s of %s", state->description,
+                                    base->layout.group[s->relative_group[g]].name, base->name);
+            }
             if (range.low != NULL && range.low[g] <= range.high[g]) {
                 state->description = pm_arena_printf(
-                    w->arena, "state %s of %s; %s from %.4g to %.4g in training", group, part,
+                    w->arena, "%s; %s from %.4g to %.4g in training", state->description,
                     s->layout.group[g].size > 1 ? "length of the vector" : "value", range.low[g],
                     range.high[g]);
                 // A component of a vector is within its length. A start outside is not refused.

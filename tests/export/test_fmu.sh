@@ -31,6 +31,10 @@ fmu() {
 fmu double_pendulum 400 200
 fmu beam 800 200
 fmu driven_lower 200 60
+# A position that is measured from another one says so.
+"$portmetd" check configs/double_pendulum.yaml | grep -q "^  q .*, measured from upper.q" || fail "check: measured from"
+grep -q 'name="lower[.]q[[]0[]]".* description="state q of lower, measured from q of upper; length of ' \
+    "$folder/double_pendulum/modelDescription.xml" || fail "double_pendulum: measured from"
 
 # What arrives live in a run is an input of the FMU.
 "$portmetd" export configs/live_double_pendulum.yaml -o "$folder/live.fmu" --quiet || fail "live"
