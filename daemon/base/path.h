@@ -12,4 +12,12 @@ size_t pm_path_stem(const char *path);
 // is written to `out` [PATH_MAX], and is absolute where they share no folder but "/".
 const char *pm_path_seen_from(const char *from, const char *path, char *out);
 
+// Writes the name of the folder that holds the file `path` to `out` [size]: letters and digits,
+// with
+// '_' in place of every other character, and the last of them where there are too many. A name that
+// would not begin with a letter gets `prefix` and '_' before it; if the folder has no name with a
+// letter or digit, the name is `prefix`. The folder must exist; `size` must exceed the length of
+// `prefix` by 3.
+void pm_path_folder_name(const char *path, const char *prefix, char *out, size_t size);
+
 #endif

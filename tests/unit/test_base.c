@@ -252,6 +252,28 @@ static void paths_are_seen_from_files(void **state) {
     assert_string_equal(pm_path_seen_from("/proc/x", "/dev/null", out), "/dev/null");
 }
 
+static void folders_give_names(void **state) {
+    (void)state;
+    static const struct {
+        const char *path, *name;
+    } paths[] = {{"tests/unit/x.yaml", "unit"},
+                 {"tests//unit//x.yaml", "unit"},
+                 {"lcmtypes/x", "es"},
+                 {"tests/unit/../x", "ts"},
+                 {"/proc/1/x", "l_1"},
+                 {"/x", "l"},
+                 {"nowhere/x", "l"}};
+    for (size_t i = 0; i < sizeof paths / sizeof *paths; ++i) {
+        char out[24];
+        const bool cut = strlen(paths[i].name) == 2;
+        pm_path_folder_name(paths[i].path, "l", out, cut ? 3 : sizeof out);
+        assert_string_equal(out, paths[i].name);
+    }
+    char here[24];
+    pm_path_folder_name("x", "l", here, sizeof here);
+    assert_true(here[0] != '\0' && strchr(here, '/') == NULL);
+}
+
 static void failures_are_described(void **state) {
     (void)state;
     assert_int_equal(pm_fail(PM_EDATA, "row %d: %s", 3, "bad"), PM_EDATA);
@@ -309,6 +331,7 @@ int main(void) {
         cmocka_unit_test(bands_are_solved),
         cmocka_unit_test(endings_are_found),
         cmocka_unit_test(paths_are_seen_from_files),
+        cmocka_unit_test(folders_give_names),
         cmocka_unit_test(failures_are_described),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

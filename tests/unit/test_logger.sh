@@ -29,6 +29,7 @@ for i in $files; do
 done
 succeed "u [V]: an input; drives i; held between samples" propose --data "$folder"/motor_?.csv --budget $budget -o "$folder/motor"
 grep -q "i: {unit: \"A\", coenergy: true" "$folder/motor/scene.yaml" || fail "propose: a current is a co-energy"
+grep -q "^scene: motor$" "$folder/motor/scene.yaml" || fail "propose: expected the name of the folder"
 if [ "$short" = short ]; then
     sed -i 's/iterations: [0-9]*/iterations: 40/' "$folder/motor/training.yaml"
     succeed "Verdict: " fit "$folder/motor/training.yaml" -o "$folder/motor/weights"
@@ -75,7 +76,9 @@ grep -q "^noise: estimated" "$folder/swing/training.yaml" || fail "propose: the 
 awk 'BEGIN { print "t [s],q [m],p [kg m/s]"; q = 1
     for (k = 0; k < 200; k++) { printf "%.2f,%.9g,%.9g\n", 0.02*k, q, p; for (j = 0; j < 20; j++) { p -= 0.001*(q + 0.1*p); q += 0.0005*p } } }' \
     >"$folder/momentum.csv"
-succeed "p [kg m/s]: a co-energy, though its unit is that of an energy variable" propose --budget 0 --data "$folder/momentum.csv" -o "$folder/momentum"
+succeed "p [kg m/s]: a co-energy, though its unit is that of an energy variable" propose --budget 0 --data "$folder/momentum.csv" \
+    -o "$folder/its momentum-2"
+grep -q "^scene: its_momentum_2$" "$folder/its momentum-2/scene.yaml" || fail "propose: expected a name made of that of the folder"
 # Each of few records teaches a model with three pieces of it, and judges it with the two between them.
 succeed "which nobody measures" propose --data "$folder"/swing_1.csv --budget 4 -o "$folder/single"
 for name in single swing; do

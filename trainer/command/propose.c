@@ -73,7 +73,8 @@ pm_status pm_command_propose(int argc, char **argv, const volatile sig_atomic_t 
             "For the form free a scene with a single subsystem is written beside it. Tables are\n"
             "turned into a dataset beside it, whose name ends in _data.h5.\n\n"
             "Without SCENE the columns are what sensors show: velocities, temperatures, currents,\n"
-            "and inputs. DIR/scene.yaml, DIR/training.yaml and DIR/data.h5 are written.",
+            "and inputs. DIR/scene.yaml, DIR/training.yaml and DIR/data.h5 are written. The scene\n"
+            "has the name of DIR.",
         .examples = "portmet-train propose --data run_*.csv --inputs F -o cart\n"
                     "portmet-train propose scene.yaml --data runs.h5 -o training.yaml",
         .positional_name = "SCENE",

@@ -28,8 +28,9 @@
 #define ESTIMATED_PART 0.05 // of a trajectory: from it follows its start
 #define FEWEST_SAMPLES 20   // likewise
 #define BATCH 4096
-#define EMPTY 1e-3 // of the highest level: below it a vessel is empty
-#define ROUND 0.05 // of the deviation: the edge where a sensor begins to saturate
+#define SCENE_NAME 24 // bytes of the name of a scene, so that a channel also has room for a part's
+#define EMPTY 1e-3    // of the highest level: below it a vessel is empty
+#define ROUND 0.05    // of the deviation: the edge where a sensor begins to saturate
 
 // --- which columns ---
 
@@ -303,6 +304,8 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
     for (int i = 0; i < d->ntrajectory; ++i) {
         digest = pm_digest_integer(digest, (int64_t)pm_dataset_digest(d, i));
     }
+    char name[SCENE_NAME];
+    pm_path_folder_name(path, "logger", name, sizeof name);
     int shortest = d->ntime;
     bool surroundings = false, level = false;
     for (int i = 0; i < d->ntrajectory; ++i) {
@@ -318,11 +321,11 @@ pm_status pm_logger_write_scene(const pm_logger_draft *draft, const char *path) 
             "# Sensors show co-energies: velocities, temperatures, currents. The momenta, "
             "entropies and\n"
             "# fluxes that belong to them are inside (`coenergy: true`).\n"
-            "scene: logger\n"
+            "scene: %s\n"
             "system: \"data %016" PRIx64 "\"   # weights of other data are refused\n"
             "time: {dt: %.17g, steps: %d, integrator: rk4, substeps: %d}\n"
             "subsystems:\n",
-            d->ntrajectory, d->ntrajectory == 1 ? "y" : "ies", d->ntime, digest, d->dt,
+            d->ntrajectory, d->ntrajectory == 1 ? "y" : "ies", d->ntime, name, digest, d->dt,
             shortest > 1 ? shortest - 1 : 1, (int)fmin(fmax(wanted, 1), MOST_SUBSTEPS));
     for (int i = 0; i < v->npart; ++i) {
         fprintf(f, "  %s:\n    weights: weights/%s.h5\n    state:\n", v->part[i], v->part[i]);
