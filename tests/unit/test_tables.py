@@ -351,7 +351,20 @@ def lcm():
     pose_log = lcm_log("pose", [event for event in events if event[1] == "POSE"])
     _, t, names, _, said = imported("one channel", pose_log, "--types", types)
     check("times are those of the field utime" in said and "POSE.utime" not in names, f"one channel: {said}")
-    refused("no types", 5, "--types", log)
+    _, _, names, units, _ = imported("units", "--log", log, "--types", types, "--units", "POSE.rate.v_0=rad/s, GRID_POWER.watt=W",
+                                     program=True)
+    units = dict(zip(names, units))
+    check([units.get(name) for name in ("POSE.rate.v_0", "GRID_POWER.watt", "POSE.n")] == ["rad/s", "W", ""], f"units: {units}")
+    refused("units of no column", 5, 'no column "POSE.q" (--units)', log, "--types", types, "--units", "POSE.q=m", program=True)
+    for wrong in "POSE.n", "=m", "POSE.n=", "POSE.n=m,POSE.n=m":
+        refused("wrong units", 2, "--units: expected NAME=UNIT", log, "--types", types, "--units", wrong)
+    _, t, _, units, _ = imported("units of a text", write("plain.csv", "t,x,a=b\n0,1,2\n20,3,4\n"), "--units", "t=ms,a=b=m/s")
+    same("units of a text, times", t, [0, 0.02])
+    check(units == ["", "m/s"], f"units of a text: {units}")
+    refused("no types", 5, "by portmet-train import --log LOG --types FILE.lcm", log)
+    for words in (["inspect", log], ["propose", "--data", log, "-o", folder / "arm"]):
+        done = run(train, *words)
+        check(done.returncode == 5 and "make a dataset of it by portmet-train import --log" in done.stderr, f"{words[0]}: {done.stderr}")
     refused("other types", 5, "no message has a type", log, "--types", write("wrong.lcm", "struct pose_t { int64_t utime; }"))
     refused("no types file", 5, "wrong.lcm:1: expected", log, "--types", write("wrong.lcm", "struct pose_t { int64_t utime }"))
     run("lcm-gen", "-p", "--ppath", folder / "made", "lcmtypes/portmet.lcm")
@@ -467,7 +480,7 @@ def damage(texts, binaries, types):
     import argparse
     import table
     table.say = reader.say = reader.text.say = reader.lcm_log.say = reader.matlab.say = lambda text: None
-    how = argparse.Namespace(time=None, dt=None, missing=None, runs=None, types=[str(types)])
+    how = argparse.Namespace(time=None, dt=None, missing=None, runs=None, types=[str(types)], units={})
     draw = random.Random(7)
     bad, read = folder / "damaged", 0
     for path in texts:

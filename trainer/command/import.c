@@ -28,6 +28,8 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
         {"--log", NULL, "FILE", NULL, &log, false, .help = "an LCM log, one more table"},
         {"--types", NULL, "FILE", NULL, &how.types, false,
          .help = "the message types of LCM logs: FILE.lcm, several joined by commas, or a folder"},
+        {"--units", NULL, "NAME=UNIT,...", NULL, &how.units, false,
+         .help = "units of columns, in place of the table's, such as q=rad,w=rad/s"},
     };
     const pm_options options = {
         .usage = "portmet-train import TABLE... -o FILE [options]",
@@ -44,7 +46,9 @@ pm_status pm_command_import(int argc, char **argv, const volatile sig_atomic_t *
             "not be even; of rows with the same time the first one counts. In MATLAB files,\n"
             "vectors and matrices are columns, also in structs, and the elements of an array of\n"
             "structs are runs. Python reads the files: python3-h5py, for MATLAB python3-scipy.",
-        .examples = "portmet-train import run_1.csv run_2.csv -o runs.h5",
+        .examples = "portmet-train import run_1.csv run_2.csv -o runs.h5\n"
+                    "portmet-train import --log LOG --types T.lcm --units ARM.q=rad,ARM.w=rad/s "
+                    "-o runs.h5",
         .positional_name = "TABLE",
         .positional = file,
         .least = -1,

@@ -17,11 +17,9 @@ static const pm_python_program reader = {
 
 pm_status pm_tables_import(int count, const char *const *table, const char *output,
                            const pm_tables_how *how, bool quiet) {
-    const char *const option[][2] = {{"--time", how->time},
-                                     {"--dt", how->dt},
-                                     {"--missing", how->missing},
-                                     {"--runs", how->runs},
-                                     {"--types", how->types}};
+    const char *const option[][2] = {{"--time", how->time},       {"--dt", how->dt},
+                                     {"--missing", how->missing}, {"--runs", how->runs},
+                                     {"--types", how->types},     {"--units", how->units}};
     const int noption = sizeof option / sizeof *option;
     pm_arena arena = {0};
     const char **argument =

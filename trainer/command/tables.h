@@ -15,6 +15,7 @@ typedef struct pm_tables_how {
     const char *missing; // numbers that stand for missing samples, such as "-999,9999"
     const char *runs;    // the array of structs, or the column, that divides a file into runs
     const char *types;   // .lcm file with the types of an LCM log
+    const char *units;   // of columns, such as "q=rad,w=rad/s"
     bool temporary;      // the dataset is removed soon, so that its name is not printed
 } pm_tables_how;
 

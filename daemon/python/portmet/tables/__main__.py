@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Turns tables into a dataset, for `portmet-train import` and wherever portmet-train reads tables:
 
-    python3 tables OUTPUT [--time=NAME] [--dt=S] [--missing=NUMBERS] [--runs=NAME] [--types=FILE] -- TABLE...
+    python3 tables OUTPUT [--time=NAME] [--dt=S] [--missing=NUMBERS] [--runs=NAME] [--types=FILE]
+        [--units=NAME=UNIT,...] -- TABLE...
 
 Prints what was left out and changed. A failure is one line on standard error, and the exit code of its class."""
 import os

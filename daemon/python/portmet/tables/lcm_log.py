@@ -200,7 +200,8 @@ def events(path, data):
 
 def read(path, type_paths):
     if not type_paths:
-        raise Refused(DATA, f"{path}: an LCM log needs the types of its messages: --types FILE.lcm")
+        raise Refused(DATA, f"{path}: an LCM log needs the types of its messages: make a dataset of it by portmet-train import "
+                            "--log LOG --types FILE.lcm --units NAME=UNIT,... -o DATA.h5")
     by_fingerprint, types = read_types(type_paths)
     with open(path, "rb") as file:
         data = file.read()

@@ -99,10 +99,29 @@ def types_of(words):
             (sorted(glob.glob(os.path.join(glob.escape(name), "*.lcm"))) if os.path.isdir(name) else [name])]
 
 
+def units_of(given):
+    """Returns the units by the names of columns that --units gives: NAME=UNIT,NAME=UNIT."""
+    units = {}
+    for pair in filter(None, (word.strip() for word in given.split(","))):
+        name, _, unit = (word.strip() for word in pair.rpartition("="))
+        if not name or not unit or name in units:
+            raise Refused(USAGE, f'--units: expected NAME=UNIT once for each column, separated by commas, found "{pair[:80]}"')
+        units[name] = unit
+    return units
+
+
+def set_units(run, units):
+    for name, unit in units.items():
+        if name not in run.names:
+            raise Refused(DATA, f'{run.path}: there is no column "{name}" (--units); the columns are: {" ".join(run.names)[:255]}')
+        run.units[run.names.index(name)] = unit
+
+
 def clean(run, how):
     """Takes the times out, and missing samples; returns how many samples and rows were left out, and repeated."""
     drop_unnamed(run)
     refuse_repeated_names(run)
+    set_units(run, how.units)
     marked = numpy.isin(run.value, how.missing) if how.missing else numpy.zeros(0, dtype=bool)
     if marked.any():
         run.value[marked] = numpy.nan
@@ -176,11 +195,13 @@ def join(words):
     parser.add_argument("--dt", type=positive)
     parser.add_argument("--missing", default="")
     parser.add_argument("--types", action="append", default=[])
+    parser.add_argument("--units", default="")
     parser.add_argument("--temporary", action="store_true", help="nobody asked for the dataset by its name")
     parser.add_argument("tables", nargs="+")
     how = parser.parse_args(words)
     given = [word.strip() for word in how.missing.split(",") if word.strip()]
     how.missing = [float(word) for word in given if text.NUMBER.fullmatch(word)]
+    how.units = units_of(how.units)
     text.set_missing(word for word in given if not text.NUMBER.fullmatch(word))
     runs, counts = [], numpy.zeros(3, dtype=int)
     paths = files_of(how.tables)
