@@ -117,7 +117,7 @@ static inline double pm_log_of(double x) {
 // sin(x + quarter pi/2) for a whole `quarter`. It splits x = n pi/2 + r with |r| <= pi/4, where
 // pi/2 is the sum of three numbers (Cody and Waite 1980; the first two have 33 bits, so that their
 // products with n are exact), and takes the series of sin(r) or of cos(r) with the coefficients of
-// FDLIBM, k_sin.c and k_cos.c. From |x| = 1.6e6 on the products are rounded: the error is then as
+// FDLIBM, k_sin and k_cos. From |x| = 1.6e6 on the products are rounded: the error is then as
 // large as that of an x which is rounded to the last place.
 static inline double pm_sine_of(double x, double quarter) {
     const double shift = 6755399441055744.0; // as in pm_reduce

@@ -272,6 +272,8 @@ def readings(s, states):
             continue
         same = [w for w in s.variables if w.sensor is not None and w.sensor.name == v.sensor.name]
         names.append(v.sensor.name if len(same) == 1 else f"{v.sensor.name}{[id(w) for w in same].index(id(v)) + 1}")
+        while names[-1] in names[:-1]:  # phi2 beside two that are called phi
+            names[-1] += "b"
         units.append(v.sensor.unit)
         parts.append(v.part)
         shown = dE[:, i] if v.sensor.coenergy else places[:, i]
