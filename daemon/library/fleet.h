@@ -29,8 +29,8 @@ typedef struct pm_fleet {
     double *input;            // [count][nprescribed] NaN: the scene's own value
     double *energy, *entropy; // [count][nsubsystem] J, J/K, of the states after the last step
     int64_t *step;            // [count] steps taken
-    int *ended;               // [count] 0: the copy takes steps; else the status that ended it,
-                              // or any number by which the caller lets it rest
+    int *ended;               // [count] 0: the copy takes steps. Else it rests: the number is the
+                              // status that ended it, or any other that the caller has written
     char why[512]; // of the last call: which of the copies that ended is the first, and its failure
     int row;       // numbers of a saved copy
     // The rest belongs to the fleet.

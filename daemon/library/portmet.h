@@ -106,8 +106,8 @@ int portmet_scene_restart(portmet_scene *scene, const double *z);
 
 /* These functions are for scenes that portmet_scene_connect has opened; for others they fail with
  * PORTMET_EUSAGE. portmet_scene_set_state puts the state z, as in portmet_scene_restart, in place
- * of the present one: the run goes on from there with the next step. What energy and entropy differ
- * by counts as having come from the outside, so that the totals of the ledger stay.
+ * of the present one: the run goes on from there with the next step. The jump of energy and
+ * entropy is booked as coming from outside, so that the totals of the ledger stay.
  * portmet_scene_checkpoint keeps the present state and ledger in the folder of the service under
  * `name` (letters, digits and "._-"), and portmet_scene_restore takes this or a later run of the
  * scene back to it. PORTMET_EFILE: nothing is kept under this name, or not by this scene. */

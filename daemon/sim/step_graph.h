@@ -53,7 +53,7 @@ typedef struct pm_step_work {
     pm_node *last;         // [nport]
     int *responding;       // [largest nz of a subsystem] result of pm_system_responding
     pm_node stretch; // [1][1] batched: the factor by which each item's steps are longer than h;
-                     // PM_NO_NODE: 1
+                     // PM_NO_NODE stands for the factor 1
 } pm_step_work;
 
 // Returns work space without `stretch` in the arena, whose status the caller checks.

@@ -164,8 +164,8 @@ static void emit_names(emitter *e, int count, const char *const *name, size_t of
 // All these names have the same word at offset `at`. Compares the message with this word, and then
 // with the rest of each name.
 static void emit_branch(emitter *e, int count, const char *const *name, size_t at, size_t *loaded) {
-    // Loads the word, counted from the channel's start X bytes into the packet, unless it is loaded
-    // already.
+    // Loads the word at offset `at` of the channel's name, which begins X bytes into the packet,
+    // unless it is loaded already.
     if (*loaded != at) {
         emit(e, BPF_LD | BPF_W | BPF_IND, (uint32_t)at, 0, 0);
         *loaded = at;

@@ -260,7 +260,7 @@ static void change(changes *c, int file, pm_yaml at, bool replaces, const char *
     }
 }
 
-// Returns the items of two lists, either of which may be empty.
+// Joins two lists whose items have commas between them. Either may be empty.
 static const char *joined(pm_arena *arena, const char *a, const char *b) {
     return pm_arena_printf(arena, "%s%s%s", a, *a != '\0' && *b != '\0' ? ", " : "", b);
 }
@@ -577,7 +577,7 @@ pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_
     looked = true;
     a->fit = fit;
     a->data = fit->data;
-    // The data of the command line may be a table that was read into a file for the time being.
+    // The data of the command line may be a table; fit->data is then the dataset made from it.
     a->named = t->data == NULL ? fit->data : t->data;
     a->process = getpid();
     a->space.write = write_vector;

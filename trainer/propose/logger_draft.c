@@ -136,7 +136,7 @@ static bool takes_heat(const pm_logger_view *v, int input, int part, char bath[P
 }
 
 // Lists the groups of the boundary input of an input, for a part or for all (-1): x carries energy,
-// s entropy, z what falls.
+// s entropy, z the fluid that falls from one level to another.
 static const char *groups_of(const pm_logger_view *v, int input, int part) {
     bool bath = false, other = false;
     for (int a = 0; a < v->naction; ++a) {

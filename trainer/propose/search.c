@@ -257,9 +257,9 @@ static double error_of(const pm_search_trial *t) {
     return t->failed || isnan(error) ? INFINITY : error;
 }
 
-// Returns the sum of the squares of the errors of all groups whose rates a choice changes: how much
-// it may be to blame for. The error of one group may be the fault of each choice that changes it,
-// and a coupling that is wrong shows at both ends.
+// Returns the sum of the squares of the errors of all groups whose rates a choice changes: the
+// error for which the choice may be responsible. The error of one group may be the fault of each
+// choice that changes it, and a coupling that is wrong shows at both ends.
 static double blame_of(const pm_search_trial *t, const pm_choice *c) {
     double sum = 0;
     for (int g = 0; g < PM_FIT_SCORED_GROUPS; ++g) {

@@ -555,8 +555,8 @@ static pm_rotation find_rotation(const pm_look *look, const pm_part_view *parts)
     if (b.npair == 0 || is_balanced(&b)) {
         return b.npair == 0 ? PM_ROTATION_NONE : PM_ROTATION_CONSERVED;
     }
-    // Friction on each pair, and the boundary inputs of as many components that act on its
-    // subsystem.
+    // Friction on each pair, and every boundary input on its subsystem that has as many components
+    // as the pair.
     for (int k = 0; k < b.npair; ++k) {
         int force[MOST_MOMENTS][3];
         const int count =

@@ -57,8 +57,8 @@ void pm_solid_record(pm_solid *s, pm_serializer *serializer);
 // short steps either; the state is then one of those in between.
 pm_status pm_solid_step(pm_solid *s, double h, const double *f);
 // Lets the following steps start their iteration at the displacements `guess` [nnode][3], which is
-// borrowed (NULL: where the last steps lead), and end it at moves shorter than `precise` times the
-// largest displacement.
+// borrowed (NULL: where the last steps lead), and stop it when a move is shorter than `precise`
+// times the largest displacement.
 void pm_solid_aim(pm_solid *s, const double *guess, double precise);
 // Moves the nodes to u [nnode][3] within h s, and relaxes the inner variables accordingly. Computes
 // the elements' forces dE/du [nnode][3], N, unless `force` is NULL. Returns false, and changes

@@ -12,7 +12,7 @@
 // The balance of forces keeps at most this many pairs of displacements and forces.
 #define PM_SOLID_PAIRS 12
 
-// The number of displacements that the prediction of the next ones uses.
+// How many past displacements the prediction of the next ones uses.
 #define PM_SOLID_PAST 3
 
 // An iteration ends when a move is shorter than this share of the largest displacement.

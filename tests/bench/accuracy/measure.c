@@ -48,7 +48,7 @@ static account take_account(const pm_truth_model *model, int reached, const doub
     return a;
 }
 
-// Of values [count], which are sorted.
+// Returns the median and the largest of `value` [count], which become sorted.
 static void take_extremes(int count, double *value, double *median, double *worst) {
     *median = pm_box_of(count, value).median;
     *worst = value[count - 1];
