@@ -33,7 +33,8 @@ grep -q "^scene: motor$" "$folder/motor/scene.yaml" || fail "propose: expected t
 if [ "$short" = short ]; then
     sed -i 's/iterations: [0-9]*/iterations: 40/' "$folder/motor/training.yaml"
     succeed "Verdict: " fit "$folder/motor/training.yaml" -o "$folder/motor/weights"
-    succeed "steps in violation                    0 of" evaluate "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --data "$folder"/motor_5.csv
+    succeed "steps in violation" evaluate "$folder/motor/scene.yaml" --weights "$folder/motor/weights" --data "$folder"/motor_5.csv
+    grep -q "steps in violation  *0\\b" "$folder/out" || fail "evaluate: expected the laws of all steps" # starts may be estimated
     finish
 fi
 sed -i 's/iterations: [0-9]*/iterations: 60/' "$folder/motor/training.yaml"
