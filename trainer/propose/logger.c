@@ -252,6 +252,9 @@ typedef struct hidden_search {
     const pm_logger_hints *hints;
     const char *data_path;
     pm_logger_view first; // what is found first
+    pm_logger_view seen;  // with the guesses and delays of `of`, if `looked` is true
+    hypothesis of;
+    bool looked;
     int count, best;
     int whole; // trials from this number on are of whole records; 0: none
     hypothesis what[MOST_TRIALS];
@@ -268,6 +271,26 @@ typedef struct hidden_search {
     bool short_of_time; // the first trial had not ended in its time
     pm_arena arena;     // owns texts of constants
 } hidden_search;
+
+// Describes the columns with the guesses and delays of a hypothesis. What was seen last is kept, as
+// hypotheses often differ by their laws alone. The search owns what the view points to.
+static pm_status look_with(hidden_search *s, const hypothesis *what, pm_logger_view *view) {
+    if (!s->looked || memcmp(s->of.guess, what->guess, sizeof what->guess) != 0 ||
+        memcmp(s->of.delay, what->delay, sizeof what->delay) != 0) {
+        pm_logger_hints hints = *s->hints;
+        if (s->looked) {
+            pm_logger_view_free(&s->seen);
+        }
+        s->of = *what;
+        hints.guess = s->of.guess;
+        hints.delay = s->of.delay;
+        s->looked = false;
+        PM_TRY(pm_logger_look(&s->seen, s->dataset, &hints));
+        s->looked = true;
+    }
+    *view = s->seen;
+    return PM_OK;
+}
 
 // Takes what is chosen of inputs between samples and of inertias over into the view.
 static void take_choices(pm_logger_view *v, const int *chosen) {
@@ -296,29 +319,23 @@ static bool is_divided(const hidden_search *s) {
 // Writes the scene and the training file of a trial into one folder.
 static pm_status write_trial(void *context, const int *chosen, const char *comment,
                              const char *path) {
-    const hidden_search *s = context;
+    hidden_search *s = context;
     const hypothesis *what = &s->what[*chosen];
-    pm_logger_hints hints = *s->hints;
     pm_logger_draft draft = {
-        .seed = hints.seed,
+        .seed = s->hints->seed,
         .data_path = s->data_path,
         .most = what->most,
         .divided = what->most > 0 && is_divided(s) && s->whole == 0 ? s->dataset->ntrajectory : 0,
         .found = s->found[*chosen],
         .lean = s->lean[*chosen]};
     char scene[PATH_MAX];
-    hints.guess = what->guess;
-    hints.delay = what->delay;
-    PM_TRY(pm_logger_look(&draft.view, s->dataset, &hints));
+    PM_TRY(look_with(s, what, &draft.view));
     take_choices(&draft.view, what->chosen);
     draft.scene_path = scene;
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)strlen(path) - (int)strlen(".yaml"),
              path);
-    pm_status status = pm_logger_write_scene(&draft, scene);
-    status =
-        status == PM_OK ? pm_logger_write_training(&draft, what->chosen, comment, path) : status;
-    pm_logger_view_free(&draft.view);
-    return status;
+    const pm_status status = pm_logger_write_scene(&draft, scene);
+    return status == PM_OK ? pm_logger_write_training(&draft, what->chosen, comment, path) : status;
 }
 
 static double error_of(const hidden_search *s, int id) {
@@ -539,11 +556,8 @@ static pm_status add_laws(hidden_search *s, int most) {
                                     {PM_LOGGER_LEVELS, NETWORKS_OF_LEVELS}};
     const int all = sizeof richer / sizeof *richer;
     const int *chosen = s->what[s->best].chosen;
-    pm_logger_hints hints = *s->hints;
     pm_logger_view view;
-    hints.guess = s->what[s->best].guess;
-    hints.delay = s->what[s->best].delay;
-    PM_TRY(pm_logger_look(&view, s->dataset, &hints));
+    PM_TRY(look_with(s, &s->what[s->best], &view));
     for (int k = 0; k < all && k < most && s->count < MOST_TRIALS; ++k) {
         const char *name;
         const char *const *alternative;
@@ -560,7 +574,6 @@ static pm_status add_laws(hidden_search *s, int most) {
             s->count += !is_twin(s, s->count);
         }
     }
-    pm_logger_view_free(&view);
     return PM_OK;
 }
 
@@ -660,11 +673,8 @@ static pm_status find_inputs(hidden_search *s, int most) {
     for (int before = -1, pass = 0; pass < most && s->best != before && !is_over(s); ++pass) {
         const int from = s->count;
         before = s->best;
-        pm_logger_hints hints = *s->hints;
         pm_logger_view view;
-        hints.guess = s->what[s->best].guess;
-        hints.delay = s->what[s->best].delay;
-        PM_TRY(pm_logger_look(&view, s->dataset, &hints));
+        PM_TRY(look_with(s, &s->what[s->best], &view));
         for (int u = view.nvariable; u < view.ncolumn; ++u) {
             const pm_logger_column *input = &view.column[u];
             int one, other;
@@ -682,7 +692,6 @@ static pm_status find_inputs(hidden_search *s, int most) {
                 add_guess(s, input->id, pm_logger_join(PM_LOGGER_OPENS_ALONE, one, other), NULL);
             }
         }
-        pm_logger_view_free(&view);
         PM_TRY(try_guesses(s, from, STEPS));
     }
     return PM_OK;
@@ -1274,6 +1283,9 @@ done:
     free(text);
     if (search != NULL) {
         pm_arena_free(&search->arena);
+    }
+    if (search != NULL && search->looked) {
+        pm_logger_view_free(&search->seen);
     }
     free(search);
     pm_dataset_free(dataset);

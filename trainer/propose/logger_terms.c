@@ -6,6 +6,7 @@
 
 #define MOST (1 + PM_LOGGER_COLUMNS + 63) // terms of a regression
 #define SPACE 3                           // dimensions
+#define ROWS 4                            // around an interval between samples
 #define FEWEST_HARMONICS 2
 #define MOST_HARMONICS 6
 #define KEPT_BACK 5 // each fifth trajectory judges
@@ -162,6 +163,27 @@ static double rest_of(const equations *learn, const equations *judge, int n, dou
     return judge->square > 0 ? rest / judge->square : 1;
 }
 
+// The terms without held factors at the last rows of a trajectory: each is needed by up to six
+// intervals between samples.
+typedef struct row_products {
+    bool held[MOST]; // terms that have a held factor, which are not kept
+    int sample[ROWS];
+    double value[ROWS][MOST];
+} row_products;
+
+static const double *products_at(row_products *p, const pm_logger_samples *w, int trajectory, int k,
+                                 const term_list *list) {
+    double *value = p->value[k % ROWS];
+    if (p->sample[k % ROWS] != k) {
+        const double *row = pm_logger_row(w, trajectory, k);
+        for (int t = 0; t < list->count; ++t) {
+            value[t] = p->held[t] ? NAN : product_of(w->view, row, row, &list->item[t]);
+        }
+        p->sample[k % ROWS] = k;
+    }
+    return value;
+}
+
 // Fills the equations of the changes of variable `target`: with the integrals of the duration and
 // of all columns first if `all` is true, then with those of the terms.
 static void set_equations(const pm_logger_samples *w, int target, bool all, const term_list *list,
@@ -171,9 +193,20 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
     const int length = list->length > 0 ? list->length : pm_logger_window(w, target);
     const int base = all ? 1 + v->ncolumn : 0;
     equations *judge = learn + 1;
+    row_products products;
     memset(learn, 0, 2 * sizeof *learn);
     learn->n = judge->n = base + list->count;
+    for (int t = 0; t < list->count; ++t) {
+        products.held[t] = false;
+        for (int n = 0; n < 3; ++n) {
+            const atom *f = &list->item[t].factor[n];
+            products.held[t] = products.held[t] || (f->kind != ONE && v->column[f->column].held);
+        }
+    }
     for (int i = 0; i < d->ntrajectory; ++i) {
+        for (int n = 0; n < ROWS; ++n) {
+            products.sample[n] = -1;
+        }
         for (int k = 0; k + length < d->ntime; k += length) {
             double x[MOST] = {0};
             for (int j = k; j < k + length; ++j) {
@@ -194,19 +227,19 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
                                 (first[c] + next - 2 * v->column[c].mean + 2 * pm_logger_bend(y)) /
                                 scale;
                 }
+                const double *value[4];
+                for (int n = 0; n < 4; ++n) {
+                    value[n] = around[n] == NULL ? NULL : products_at(&products, w, i, j - 1 + n, list);
+                }
                 for (int t = 0; t < list->count; ++t) {
                     const regressor *r = &list->item[t];
-                    double y[4] = {0};
-                    bool smooth = whole; // no factor is held between samples
-                    for (int n = 0; n < 3; ++n) {
-                        const atom *f = &r->factor[n];
-                        smooth = smooth && (f->kind == ONE || !v->column[f->column].held);
-                    }
-                    for (int n = 0; n < 4 && smooth; ++n) {
-                        y[n] = product_of(v, around[n], first, r);
-                    }
-                    x[base + t] += half * (product_of(v, first, first, r) +
-                                           product_of(v, last, first, r) + 2 * pm_logger_bend(y));
+                    const bool held = products.held[t];
+                    const double y[4] = {whole && !held ? value[0][t] : 0,
+                                         held ? product_of(v, first, first, r) : value[1][t],
+                                         held ? product_of(v, last, first, r) : value[2][t],
+                                         whole && !held ? value[3][t] : 0};
+                    const double bend = whole && !held ? pm_logger_bend(y) : 0;
+                    x[base + t] += half * (y[1] + y[2] + 2 * bend);
                 }
             }
             const double change =
