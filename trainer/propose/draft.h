@@ -38,6 +38,7 @@ typedef enum pm_answer {
     PM_BY_SINES,
     PM_JOINT,     // one function of all variables
     PM_SEPARATE,  // a function of each variable, as in networks of stores
+    PM_QUADRATIC, // a quadratic form of what changes its sign when time runs backwards, else that
     PM_MIXTURE,   // those of an ideal mixture of species with constant heat capacities
     PM_OF_MOTION, // on what changes its sign when time runs backwards
     PM_REDUCED,   // 1 K, not 300 K

@@ -21,6 +21,7 @@ static const char *const words[] = {[PM_AS_FOUND] = "as found",
                                     [PM_BY_SINES] = "of sine and cosine",
                                     [PM_JOINT] = "one function of all variables",
                                     [PM_SEPARATE] = "a function of each variable",
+                                    [PM_QUADRATIC] = "a quadratic form of momenta",
                                     [PM_MIXTURE] = "those of an ideal mixture",
                                     [PM_OF_MOTION] = "on momenta and fluxes alone",
                                     [PM_REDUCED] = "1 K, as in reduced units",
@@ -59,7 +60,8 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool separate = answer[i] == PM_SEPARATE && answer[0] != PM_MIXTURE;
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || separate;
+                            answer[i] == PM_EXCHANGE || separate ||
+                            answer[i] == PM_QUADRATIC;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     // The groups of the subsystem, or those that the ends of the port expose.
@@ -97,6 +99,7 @@ typedef struct inventory {
     bool named;          // a variable has the name of the feature "force"
     int amounts, others; // components in mol, and of all that is neither this nor an entropy
     bool moves, spins;   // friction may act on an odd vector, and on an odd scalar
+    bool rotates;        // an angular momentum of three components
 } inventory;
 
 static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
@@ -125,6 +128,7 @@ static void count(inventory *n, const pm_part_view *v, const pm_layout *shown) {
         const bool slows = v->odd[g] && !v->geometric[g];
         n->moves = n->moves || (slows && (group->size == 2 || group->size == 3));
         n->spins = n->spins || (slows && group->size == 1);
+        n->rotates = n->rotates || v->kind[g] == PM_VIEW_SPIN;
         n->angle = n->angle || v->angle[g];
         n->turns = n->turns || (v->angle[g] && v->group[g].deviation * v->unit[g].factor > TURNS);
         n->shares += 1;
@@ -185,6 +189,7 @@ void pm_draft_ask(pm_draft *d) {
                            energy[] = {PM_AS_FOUND, PM_BY_BOTH, PM_BY_COMPONENTS},
                            angle[] = {PM_AS_FOUND, PM_BY_SINES, PM_AS_FOUND},
                            terms[] = {PM_AS_FOUND, PM_SEPARATE, PM_JOINT},
+                           spinning[] = {PM_AS_FOUND, PM_SEPARATE, PM_QUADRATIC},
                            mixture[] = {PM_MIXTURE, PM_AS_FOUND, PM_SEPARATE};
     static const pm_answer joint[] = {PM_AS_FOUND, PM_JOINT},
                            temperature[] = {PM_AS_FOUND, PM_REDUCED},
@@ -249,6 +254,8 @@ void pm_draft_ask(pm_draft *d) {
         }
         if (port == NULL && n.amounts > 1 && n.others == 0 && n.heat == 1) {
             ask(d, PM_ASK_KINETIC, component, 3, mixture);
+        } else if (port == NULL && n.rotates && !n.apart) {
+            ask(d, PM_ASK_KINETIC, component, 3, spinning);
         } else if (port == NULL && n.shares > (n.apart ? 2 : 1)) {
             ask(d, PM_ASK_KINETIC, component, n.apart ? 3 : 2, terms);
         } else if (port == NULL && n.apart) {

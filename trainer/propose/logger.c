@@ -568,7 +568,7 @@ static pm_status add_laws(hidden_search *s, int most) {
             s->what[s->count] = s->what[s->best];
             s->what[s->count].chosen[which] = richer[k][1];
             // Laws of each co-energy alone have made up for what they share.
-            const bool anew = which == PM_LOGGER_SHARING;
+            const bool anew = which == PM_LOGGER_SHARING || which == PM_LOGGER_INERTIA;
             s->found[s->count] = anew ? NULL : found_by_best(s);
             s->lean[s->count] = s->lean[s->best] && !anew;
             s->count += !is_twin(s, s->count);
@@ -679,11 +679,8 @@ static pm_status find_inputs(hidden_search *s, int most) {
             const pm_logger_column *input = &view.column[u];
             int one, other;
             for (int i = 0; i < input->nother && input->guess == PM_LOGGER_AS_FOUND; ++i) {
-                // Balances of power are judged when the laws are known.
-                if (most > 1 || input->other[i] != PM_LOGGER_SCALED) {
-                    add_guess(s, input->id, input->other[i],
-                              input->other[i] == PM_LOGGER_FREELY ? &input->dimension : NULL);
-                }
+                add_guess(s, input->id, input->other[i],
+                          input->other[i] == PM_LOGGER_FREELY ? &input->dimension : NULL);
             }
             if (input->guess != PM_LOGGER_AS_FOUND) {
                 add_guess(s, input->id, PM_LOGGER_AS_FOUND, NULL);

@@ -473,9 +473,9 @@ static bool write_reach(const pm_logger_view *v, int q, int r, int k, char text[
                  b->name);
         return true;
     }
-    if (a->angle && b->angle) {
-        snprintf(text, PM_LOGGER_TEXT, "%s(%.40s)", wave, a->name);
-        return k < 2;
+    if (a->angle && b->angle) { // of twice the angle, as of the square of its sine
+        snprintf(text, PM_LOGGER_TEXT, k < 2 ? "%s(%.40s)" : "%s(2*%.40s)", wave, a->name);
+        return true;
     }
     if (a->angle != b->angle) {
         snprintf(text, PM_LOGGER_TEXT, "%.40s/%.6g*%s(%.40s)", a->angle ? b->name : a->name,
@@ -1038,9 +1038,9 @@ void pm_logger_write_reversible(pm_logger_writer *w, int part) {
                     write_lever(w, both, "", part, false, -1, pm_logger_between(w, a, b));
                 }
                 // Flows couple others, as the currents of a machine do that its magnets turn.
-                for (int k = 0;
-                     k < w->v->nvariable && w->chosen[PM_LOGGER_COUPLING] == LEARNED_COUPLING;
-                     ++k) {
+                const bool flows =
+                    w->chosen[PM_LOGGER_COUPLING] == LEARNED_COUPLING || w->v->multiplies[i][j];
+                for (int k = 0; k < w->v->nvariable && flows; ++k) {
                     const pm_logger_column *y = &w->v->column[k];
                     if (pm_logger_is(w->v, k, part, PM_LOGGER_FLOW)) {
                         char by[2 * PM_LOGGER_TEXT];

@@ -39,10 +39,6 @@ typedef struct pm_logger_writer {
     char number[PM_LOGGER_NUMBERS][2 * PM_LOGGER_TEXT]; // the last ones that were written
 } pm_logger_writer;
 
-static inline bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
-    return v->column[c].part == part && v->column[c].kind == kind;
-}
-
 static inline int pm_logger_count(const pm_logger_view *v, int part, pm_logger_kind kind) {
     int count = 0;
     for (int c = 0; c < v->nvariable; ++c) {

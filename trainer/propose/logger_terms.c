@@ -564,6 +564,11 @@ static void add_known(const pm_logger_view *v, term_list *list, int i) {
             add_force(v, list, i, two, (atom){0}, j);
         }
         turns = turns || v->gyrates[i][j] || v->gyrates[j][i];
+        for (int k = 0; k < v->nvariable && v->multiplies[i][j]; ++k) {
+            if (pm_logger_is(v, k, v->column[i].part, PM_LOGGER_FLOW)) {
+                add_term(list, j, VALUE, k, VALUE);
+            }
+        }
     }
     for (int j = 0; j < v->nvariable && turns; ++j) {
         for (int k = j; k < v->nvariable; ++k) {
@@ -992,6 +997,35 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
     const double gain = gain_of(w, i, &product, first, work, x);
     *raises = x[work->n - 1] > 0;
     return gain > GAINS;
+}
+
+// Returns true if products of co-energy j and what flows move co-energy i.
+static bool multiplies(const pm_logger_samples *w, int i, int j, equations *work) {
+    const pm_logger_view *v = w->view;
+    term_list products = {0};
+    add_known(v, &products, i);
+    const int known = products.count;
+    for (int k = 0; k < v->nvariable; ++k) {
+        if (pm_logger_is(v, k, v->column[i].part, PM_LOGGER_FLOW)) {
+            add_term(&products, j, VALUE, k, VALUE);
+        }
+    }
+    return gain_of(w, i, &products, known, work, NULL) > GAINS;
+}
+
+// Finds which co-energies of a part move each other by a factor that depends on what flows.
+static void find_products(const pm_logger_samples *w, equations *work) {
+    pm_logger_view *v = w->view;
+    for (int i = 0; i < v->nvariable; ++i) {
+        for (int j = i + 1; j < v->nvariable; ++j) {
+            const pm_logger_column *a = &v->column[i], *b = &v->column[j];
+            v->multiplies[i][j] = v->multiplies[j][i] =
+                a->kind == PM_LOGGER_FLOW && b->kind == PM_LOGGER_FLOW && a->part == b->part &&
+                a->source != NULL && b->source != NULL && (a->mate < 0 || b->mate < 0) &&
+                !pm_unit_equal(&a->dimension, &b->dimension) && multiplies(w, i, j, work) &&
+                multiplies(w, j, i, work);
+        }
+    }
 }
 
 // Finds out whether co-energy i is damped, whether its resistance depends on it, and whether its
@@ -1516,6 +1550,7 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             }
         }
     }
+    find_products(w, work);
     for (int a = 0; a < v->naction; ++a) {
         pm_logger_action *action = &v->action[a];
         const pm_logger_column *y = &v->column[action->target];

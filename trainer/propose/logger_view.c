@@ -798,7 +798,7 @@ static void find_surroundings(pm_logger_view *view) {
 static bool find_mutual(pm_logger_view *view, const pm_logger_action *action) {
     const int o = action->target, u = action->input, d = driven_by(view, u);
     if (d < 0 || d == o || view->column[o].mate >= 0 || view->column[d].mate >= 0 ||
-        view->column[o].part != view->column[d].part ||
+        view->column[o].part != view->column[d].part || view->column[o].kind == PM_LOGGER_LEVEL ||
         !pm_unit_equal(&view->column[o].dimension, &view->column[d].dimension)) {
         return false;
     }
@@ -1054,7 +1054,7 @@ static void find_scales(pm_logger_samples *w) {
                 }
             }
         }
-        double best = guided ? INFINITY : 0;
+        double best = guided ? INFINITY : PM_LOGGER_SPRINGS;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
                 const double share = view->falls[i][j] ? view->share[j][i]
@@ -1222,12 +1222,18 @@ static bool changes(const pm_logger_view *view, int i, int j) {
     return share > COUPLED || share > fmax(FAINT, NOTABLE * view->column[i].unexplained);
 }
 
+// Returns true if level j raises level i, by more than the bend of other outflows could feign.
+static bool raises(const pm_logger_view *view, int i, int j) {
+    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
+    return i != j && a->kind == PM_LOGGER_LEVEL && b->kind == PM_LOGGER_LEVEL &&
+           view->coupling[i][j] > 0 &&
+           view->share[i][j] > fmax(MOVES, NOTABLE * view->column[i].unexplained);
+}
+
 // Returns true if two levels are those of vessels that are connected: each raises the other one.
 static bool connects(const pm_logger_view *view, int i, int j) {
-    const pm_logger_column *a = &view->column[i], *b = &view->column[j];
-    return i != j && a->kind == PM_LOGGER_LEVEL && b->kind == PM_LOGGER_LEVEL && a->behind != j &&
-           b->behind != i && view->coupling[i][j] > 0 && view->coupling[j][i] > 0 &&
-           fmin(view->share[i][j], view->share[j][i]) > MOVES;
+    return view->column[i].behind != j && view->column[j].behind != i && raises(view, i, j) &&
+           raises(view, j, i);
 }
 
 bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_kind) {
@@ -1244,7 +1250,8 @@ bool pm_logger_is_coupled(const pm_logger_view *view, int i, int j, bool same_ki
                       (flows[1] || b->kind == PM_LOGGER_LEVEL) && (flows[0] || flows[1]);
     return both && same == same_kind && (same || a->mate < 0 || b->mate < 0) &&
            !(same_kind && (view->circles[i][j] || view->circles[j][i])) &&
-           (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j]);
+           (changes(view, i, j) || changes(view, j, i) || view->assumed[i][j] ||
+            (!same_kind && view->multiplies[i][j]));
 }
 
 int pm_logger_heated(const pm_logger_view *view, int i, int j) {
@@ -1300,9 +1307,7 @@ static pm_status find_ports(pm_logger_view *view, const pm_logger_hints *hints) 
         for (int j = 0; j < view->nvariable; ++j) {
             // Fluid falls from what is behind.
             view->falls[i][j] =
-                i != j && !connects(view, i, j) && c[j].behind != i &&
-                c[i].kind == PM_LOGGER_LEVEL && c[j].kind == PM_LOGGER_LEVEL &&
-                view->coupling[j][i] > 0 && view->share[j][i] > MOVES &&
+                raises(view, j, i) && !connects(view, i, j) && c[j].behind != i &&
                 (c[i].behind == j || view->coupling[j][i] > fabs(view->coupling[i][j]));
         }
         // All of it falls into the one that shows it most; others may show what falls on.

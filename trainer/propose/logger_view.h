@@ -285,6 +285,9 @@ typedef struct pm_logger_view {
     bool gyrates[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // Likewise, by a constant factor, as those of a charge in a magnetic field.
     bool circles[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
+    // [i][j] co-energies of two units move each other by a factor that depends on what flows, as
+    // the currents and the shaft of a machine do.
+    bool multiplies[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     // [i][j] a loss between two co-energies is assumed, since a user has named the port.
     bool assumed[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS];
     bool warms[PM_LOGGER_COLUMNS][PM_LOGGER_COLUMNS]; // [i][j] the loss of i heats temperature j
@@ -293,6 +296,10 @@ typedef struct pm_logger_view {
 // Returns true if a fit takes the columns as measurements: with noise, gaps or hidden variables.
 static inline bool pm_logger_is_measured(const pm_logger_view *view) {
     return view->noisy || !view->even || !view->complete || view->hides;
+}
+
+static inline bool pm_logger_is(const pm_logger_view *v, int c, int part, pm_logger_kind kind) {
+    return v->column[c].part == part && v->column[c].kind == kind;
 }
 
 // Returns true if two co-energies act on each other. With `same_kind` it looks for a loss between

@@ -359,10 +359,19 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         const bool axis = v->kind[g] == PM_VIEW_DIRECTION && v->sign[g] < 0;
         moved = moved || ((v->kind[g] == PM_VIEW_OTHER || axis) && !v->group[g].constant);
     }
-    // Terms that depend on one group alone.
     const pm_answer terms = ask(d, PM_ASK_KINETIC, v);
+    list l = {.file = f};
+    for (int g = 0; g < v->count && terms == PM_QUADRATIC; ++g) {
+        if (v->odd[g] && v->unit[g].known && !is_entropy(v, g)) {
+            done[g] = true;
+            l = l.count == 0 ? open_list(f, "      - {features: ") : l;
+            add_name(&l, "", name_of(v, g));
+        }
+    }
+    fprintf(f, l.count > 0 ? "], skip: quadratic}   # kinetic\n" : "");
+    // Terms that depend on one group alone.
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_SPIN && !moved) { // rotation alone does not warm a body
+        if (v->kind[g] == PM_VIEW_SPIN && !moved && !done[g]) { // rotation alone does not warm a body
             done[g] = true;
             fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
                     SPIN_WIDTH);
@@ -383,16 +392,16 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
         }
     }
     // Terms of the rest, and the heat.
-    list l = {.file = f};
+    const bool separate = terms == PM_SEPARATE || terms == PM_QUADRATIC;
     int inputs = 0;
+    l.count = 0;
     for (int g = 0; g < v->count; ++g) {
         if (!is_entropy(v, g) && !done[g]) {
             l = l.count == 0 ? open_list(f, "      - {features: ") : l;
             inputs += add_energy_feature(d, &l, v, g);
         }
-        if (l.count > 0 && (terms == PM_SEPARATE || g == v->count - 1)) {
-            fprintf(f, "], hidden: %s, skip: quartic}\n",
-                    hidden_of(d, terms == PM_SEPARATE ? 1 : inputs));
+        if (l.count > 0 && (separate || g == v->count - 1)) {
+            fprintf(f, "], hidden: %s, skip: quartic}\n", hidden_of(d, separate ? 1 : inputs));
             l.count = inputs = 0;
         }
     }
