@@ -60,8 +60,7 @@ static void ask(pm_draft *d, pm_question question, int component, int count,
     for (int i = 0; id >= 0 && i < count; ++i) {
         const bool separate = answer[i] == PM_SEPARATE && answer[0] != PM_MIXTURE;
         const bool simple = answer[i] == PM_ALONE || answer[i] == PM_OF_MOTION ||
-                            answer[i] == PM_EXCHANGE || separate ||
-                            answer[i] == PM_QUADRATIC;
+                            answer[i] == PM_EXCHANGE || separate || answer[i] == PM_QUADRATIC;
         d->space.choice[id].simplest = simple ? i : d->space.choice[id].simplest;
     }
     // The groups of the subsystem, or those that the ends of the port expose.

@@ -229,7 +229,8 @@ static void set_equations(const pm_logger_samples *w, int target, bool all, cons
                 }
                 const double *value[4];
                 for (int n = 0; n < 4; ++n) {
-                    value[n] = around[n] == NULL ? NULL : products_at(&products, w, i, j - 1 + n, list);
+                    value[n] =
+                        around[n] == NULL ? NULL : products_at(&products, w, i, j - 1 + n, list);
                 }
                 for (int t = 0; t < list->count; ++t) {
                     const regressor *r = &list->item[t];
@@ -550,6 +551,15 @@ static void add_springs(const pm_logger_view *v, term_list *list, int i) {
     }
 }
 
+// Adds the products of co-energy j and the flows of its part but i and j.
+static void add_products(const pm_logger_view *v, term_list *list, int i, int j) {
+    for (int k = 0; k < v->nvariable; ++k) {
+        if (k != i && k != j && pm_logger_is(v, k, v->column[i].part, PM_LOGGER_FLOW)) {
+            add_term(list, j, VALUE, k, VALUE);
+        }
+    }
+}
+
 // Adds what springs, guides and products of velocities are known to change in velocity i.
 static void add_known(const pm_logger_view *v, term_list *list, int i) {
     bool turns = false;
@@ -564,10 +574,8 @@ static void add_known(const pm_logger_view *v, term_list *list, int i) {
             add_force(v, list, i, two, (atom){0}, j);
         }
         turns = turns || v->gyrates[i][j] || v->gyrates[j][i];
-        for (int k = 0; k < v->nvariable && v->multiplies[i][j]; ++k) {
-            if (pm_logger_is(v, k, v->column[i].part, PM_LOGGER_FLOW)) {
-                add_term(list, j, VALUE, k, VALUE);
-            }
+        if (v->multiplies[i][j]) {
+            add_products(v, list, i, j);
         }
     }
     for (int j = 0; j < v->nvariable && turns; ++j) {
@@ -999,17 +1007,13 @@ static bool converts(const pm_logger_samples *w, int u, int i, int j, equations 
     return gain > GAINS;
 }
 
-// Returns true if products of co-energy j and what flows move co-energy i.
+// Returns true if the products of co-energy j and third flows move co-energy i. Its own product
+// with a velocity would show an inductance that depends on a position.
 static bool multiplies(const pm_logger_samples *w, int i, int j, equations *work) {
-    const pm_logger_view *v = w->view;
     term_list products = {0};
-    add_known(v, &products, i);
+    add_known(w->view, &products, i);
     const int known = products.count;
-    for (int k = 0; k < v->nvariable; ++k) {
-        if (pm_logger_is(v, k, v->column[i].part, PM_LOGGER_FLOW)) {
-            add_term(&products, j, VALUE, k, VALUE);
-        }
-    }
+    add_products(w->view, &products, i, j);
     return gain_of(w, i, &products, known, work, NULL) > GAINS;
 }
 

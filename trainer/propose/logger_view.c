@@ -1054,13 +1054,16 @@ static void find_scales(pm_logger_samples *w) {
                 }
             }
         }
-        double best = guided ? INFINITY : PM_LOGGER_SPRINGS;
+        double best = guided ? INFINITY : 0;
         for (int i = 0; i < view->nvariable; ++i) {
             for (int j = 0; j < view->nvariable; ++j) {
                 const double share = view->falls[i][j] ? view->share[j][i]
                                                        : fmin(view->share[i][j], view->share[j][i]);
                 const bool thermal = view->column[i].kind == PM_LOGGER_TEMPERATURE;
-                if (known[i] && !known[j] && share > best && is_coenergy(&view->column[j]) &&
+                // Velocities that share an inertia seem to move each other, by next to nothing.
+                const bool may = view->column[i].mate < 0 || view->column[j].mate < 0 ||
+                                 share > PM_LOGGER_SPRINGS;
+                if (known[i] && !known[j] && may && share > best && is_coenergy(&view->column[j]) &&
                     thermal == (view->column[j].kind == PM_LOGGER_TEMPERATURE)) {
                     best = share, from = i, to = j, by = -1;
                 }
@@ -1069,8 +1072,8 @@ static void find_scales(pm_logger_samples *w) {
                 for (int q = 0; q < view->nvariable; ++q) {
                     for (int r = 0; r < view->nvariable; ++r) {
                         const double both = fmin(view->share[i][q], view->share[j][r]);
-                        if (known[i] && !known[j] && both > best && rate_of(view, q, j) != 0 &&
-                            rate_of(view, r, i) != 0 &&
+                        if (known[i] && !known[j] && both > fmax(best, PM_LOGGER_SPRINGS) &&
+                            rate_of(view, q, j) != 0 && rate_of(view, r, i) != 0 &&
                             (q == r || (rate_of(view, q, i) == 0 && rate_of(view, r, j) == 0))) {
                             best = both, from = i, to = j, by = q, back = r;
                         }

@@ -371,7 +371,8 @@ static void write_energy(const pm_draft *d, const pm_part_view *v) {
     fprintf(f, l.count > 0 ? "], skip: quadratic}   # kinetic\n" : "");
     // Terms that depend on one group alone.
     for (int g = 0; g < v->count; ++g) {
-        if (v->kind[g] == PM_VIEW_SPIN && !moved && !done[g]) { // rotation alone does not warm a body
+        if (v->kind[g] == PM_VIEW_SPIN && !moved &&
+            !done[g]) { // rotation alone does not warm a body
             done[g] = true;
             fprintf(f, "      - {features: [%s], hidden: [%d], skip: quartic}\n", name_of(v, g),
                     SPIN_WIDTH);
