@@ -37,8 +37,11 @@ void pm_progress_update(pm_progress *progress, long done, const char *detail) {
     bar[BAR_WIDTH] = 0;
     const double elapsed = now - progress->started;
     const double left = done > 0 ? elapsed * (1 - fraction) / fraction : 0;
-    fprintf(stderr, "\r%s [%s] %ld/%ld  %.0f s left  %s\033[K", progress->label, bar, done,
-            progress->total, left, detail == NULL ? "" : detail);
+    fprintf(stderr, "\r%s [%s] %ld/%ld  ", progress->label, bar, done, progress->total);
+    if (done > 0) {
+        fprintf(stderr, "%.0f s left  ", left);
+    }
+    fprintf(stderr, "%s\033[K", detail == NULL ? "" : detail);
     fflush(stderr);
 }
 

@@ -18,6 +18,12 @@ grep -q 'x, v, "1.0\*cos(1\*heading)"' "$folder/robot/training.yaml" || fail "pr
 grep -q "gyration_v_w_by_w" "$folder/robot/training.yaml" || fail "propose: the velocities turn into each other"
 sed -i 's/iterations: [0-9]*/iterations: 30/' "$folder/robot/training.yaml"
 succeed "Verdict: good" fit "$folder/robot/training.yaml" -o "$folder/robot/weights"
+# A search shows its progress on a terminal, and only there.
+script -qec "$train propose --budget 4 --data $folder/robot_?.csv --inputs F -o $folder/shown" /dev/null >"$folder/out" 2>"$folder/err" </dev/null ||
+    fail "propose --budget 4 on a terminal"
+tr '\r' '\n' <"$folder/out" | grep -qE '^hypotheses, s \[[# ]*\] [0-9]+/4 .*[0-9] hypothes[ei]s tried, best error [0-9.e-]+ %' ||
+    fail "propose: expected a bar of progress on a terminal"
+succeed "wrote" propose --budget 1 --data "$folder"/robot_?.csv --inputs F -o "$folder/shown"
 [ -n "$short" ] && finish
 
 write crank 6 "angle [rad],n [rad/s],x [m],v [m/s]" \

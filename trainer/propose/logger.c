@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/files.h"
+#include "base/progress.h"
 #include "propose/logger_draft.h"
 #include "propose/logger_laws.h"
 #include "propose/search.h"
@@ -270,6 +271,8 @@ typedef struct hidden_search {
     const char *start;  // where the constants of the best guesses begin in the fit; or NULL
     bool short_of_time; // the first trial had not ended in its time
     pm_arena arena;     // owns texts of constants
+    pm_progress progress;
+    int judged; // trials whose results count; the others are running
 } hidden_search;
 
 // Describes the columns with the guesses and delays of a hypothesis. What was seen last is kept, as
@@ -341,6 +344,27 @@ static pm_status write_trial(void *context, const int *chosen, const char *comme
 static double error_of(const hidden_search *s, int id) {
     const double error = s->trial[id].score.rollout;
     return s->trial[id].failed || isnan(error) ? INFINITY : error;
+}
+
+// Shows how much of the budget is spent, and what has come of it (search.h: pm_hypotheses).
+static void show_progress(void *context, int ended, double seconds) {
+    hidden_search *s = context;
+    const int ntried = s->judged + ended;
+    const double spent = fmin(s->spent + seconds, s->hints->budget);
+    char detail[PM_SEARCH_NAME] = "";
+    double least = INFINITY;
+    for (int i = 0; i < ntried && i < MOST_TRIALS; ++i) {
+        least = fmin(least, error_of(s, i));
+    }
+    if (ntried > 0) {
+        const char *plural = ntried == 1 ? "is" : "es";
+        const int length = snprintf(detail, sizeof detail, "%d hypothes%s tried", ntried, plural);
+        if (isfinite(least)) {
+            snprintf(detail + length, sizeof detail - (size_t)length, ", best error %.3g %%",
+                     PERCENT * least);
+        }
+    }
+    pm_progress_update(&s->progress, (long)spent, detail);
 }
 
 // Returns how many variables of a trial nobody measures.
@@ -441,7 +465,8 @@ static bool explains(const hidden_search *s) {
 // Tries the guesses from number `from` on by fits of at most `steps` iterations, and keeps the best
 // one.
 static pm_status try_guesses(hidden_search *s, int from, int steps) {
-    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    const pm_hypotheses space = {
+        .count = 1, .write = write_trial, .context = s, .progress = show_progress};
     // A single guess gets at most half of the budget that is left, so that others can follow.
     // Several guesses share all of it.
     const double rest = s->hints->budget - s->spent;
@@ -485,6 +510,8 @@ static pm_status try_guesses(hidden_search *s, int from, int steps) {
             s->best = i;
         }
     }
+    s->judged = s->count;
+    show_progress(s, 0, 0);
     return PM_OK;
 }
 
@@ -838,7 +865,8 @@ static void add_whole(hidden_search *s, int id) {
 // Fits the trials from number `from` on to whole records. The likeliest one wins, with the price of
 // its constants, if its error is less than `worst`.
 static pm_status run_whole(hidden_search *s, int from, double worst) {
-    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    const pm_hypotheses space = {
+        .count = 1, .write = write_trial, .context = s, .progress = show_progress};
     const double rest = (s->hints->budget - s->spent) / fmax(s->count - from, 1);
     const double longest = fmin(fmax(rest, LEAST), ENDED);
     int number[MOST_TRIALS];
@@ -867,6 +895,7 @@ static pm_status run_whole(hidden_search *s, int from, double worst) {
             s->best = i;
         }
     }
+    s->judged = s->count;
     return PM_OK;
 }
 
@@ -1003,7 +1032,8 @@ static const char *name_of(const pm_logger_view *v, int id) {
 // Tries the best guesses with all trajectories, from where their trial ended, then from the start.
 // If they cannot be integrated, the next best ones take their place.
 static pm_status confirm(hidden_search *s) {
-    const pm_hypotheses space = {.count = 1, .write = write_trial, .context = s};
+    const pm_hypotheses space = {
+        .count = 1, .write = write_trial, .context = s, .progress = show_progress};
     const int most = s->what[s->best].most,
               last = s->count < MOST_TRIALS ? s->count : MOST_TRIALS - 1;
     const int *const vector[] = {&last};
@@ -1223,10 +1253,18 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     PM_TRY_DONE(pm_dataset_load_measured(&dataset, data, "z"));
     PM_TRY_DONE(pm_files_check_output(scene, PM_PROPOSED));
     PM_TRY_DONE(pm_files_check_output(training, PM_PROPOSED));
-    PM_TRY_DONE(pm_logger_look(&draft.view, dataset, hints));
-    looked = true;
     search->dataset = dataset;
     search->hints = hints;
+    if (hints->budget > 0) {
+        pm_progress_init(&search->progress, "hypotheses, s", lround(ceil(hints->budget)));
+        show_progress(search, 0, 0); // regressions on many columns take a while
+    }
+    status = pm_logger_look(&draft.view, dataset, hints);
+    looked = status == PM_OK;
+    if (!looked) {
+        pm_progress_finish(&search->progress);
+        goto done;
+    }
     search->data_path = data;
     search->first = draft.view;
     for (int u = draft.view.nvariable; u < draft.view.ncolumn; ++u) {
@@ -1236,6 +1274,7 @@ pm_status pm_propose_logger(const char *data, const pm_logger_hints *hints, cons
     if (hints->budget > 0) {
         status = find_hidden(search);
         status = status == PM_OK ? confirm(search) : status;
+        pm_progress_finish(&search->progress);
         interrupted = status == PM_EINTERRUPTED;
         PM_TRY_DONE(interrupted ? PM_OK : status);
         if (interrupted) { // the best of what has been tried is written

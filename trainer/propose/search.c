@@ -7,11 +7,13 @@
 #include <ftw.h>
 #include <limits.h>
 #include <math.h>
+#include <poll.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "base/arena.h"
@@ -64,6 +66,8 @@
 #define NAME_OF_FILE 16   // room for the name of a file in the folder
 #define OPEN_FOLDERS 8    // while a folder is removed
 #define MICROSECONDS 1e-6 // s
+#define NANOSECONDS 1e-9  // s
+#define REPORT_EVERY 500  // ms, between two reports of progress
 #define PERCENT 100
 
 typedef struct tried_vector {
@@ -170,10 +174,12 @@ static void work(const pm_hypotheses *space, const int *vector, const pm_fit_eff
     _exit(told ? EXIT_SUCCESS : EXIT_FAILURE);
 }
 
-// Waits for the end of a trial, and ends it if `stop` is set. A trial that died without a result
-// has failed.
-static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial *trial,
+// Waits for the end of the trial `at` of those in progress, and ends it if `stop` is set. A trial
+// that died without a result has failed. `before` is *used at the beginning of all trials.
+static void finish(const pm_hypotheses *space, runner *running, int at,
+                   const volatile sig_atomic_t *stop, pm_search_trial *trial, double before,
                    double *used) {
+    runner *r = &running[at];
     struct rusage usage = {0};
     int end = 0;
     *trial =
@@ -187,6 +193,19 @@ static void finish(runner *r, const volatile sig_atomic_t *stop, pm_search_trial
     for (ssize_t n = 1; n != 0 && got < sizeof result;) {
         if (stop != NULL && *stop) {
             kill(r->child, SIGTERM);
+        }
+        for (struct pollfd one = {.fd = r->pipe, .events = POLLIN};
+             space->progress != NULL && poll(&one, 1, REPORT_EVERY) == 0;) {
+            double seconds = *used - before;
+            for (int k = 0; k < AT_ONCE; ++k) {
+                clockid_t clock;
+                struct timespec own = {0};
+                if (running[k].child != 0 && clock_getcpuclockid(running[k].child, &clock) == 0 &&
+                    clock_gettime(clock, &own) == 0) {
+                    seconds += (double)own.tv_sec + NANOSECONDS * (double)own.tv_nsec;
+                }
+            }
+            space->progress(space->context, r->id, seconds); // all before r have ended
         }
         n = read(r->pipe, (char *)&result + got, sizeof result - got);
         n = n < 0 && errno != EINTR ? 0 : n;
@@ -208,6 +227,7 @@ pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const 
                         const pm_fit_effort *effort, double seconds, const char *const *start,
                         const volatile sig_atomic_t *stop, pm_search_trial *trial, double *used) {
     runner running[AT_ONCE] = {{.child = 0}};
+    const double before = *used;
     const char *root = getenv("TMPDIR");
     const int most = sysconf(_SC_NPROCESSORS_ONLN) < AT_ONCE ? 1 : AT_ONCE;
     pm_status status = PM_OK;
@@ -215,7 +235,7 @@ pm_status pm_search_try(const pm_hypotheses *space, int count, const int *const 
         runner *r = &running[i % most];
         int ends[2];
         if (r->child != 0) {
-            finish(r, stop, &trial[r->id], used);
+            finish(space, running, i % most, stop, &trial[r->id], before, used);
         }
         if (stop != NULL && *stop && status == PM_OK) {
             status = pm_fail(PM_EINTERRUPTED, "interrupted while hypotheses were tried");

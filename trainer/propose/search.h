@@ -54,6 +54,9 @@ typedef struct pm_hypotheses {
     // While the file of the winner is written, *start is the name of the file beside it that holds
     // the weights of the winner's short fit, or NULL if there is none. `start` itself may be NULL.
     const char **start;
+    // Called twice a second while pm_search_try runs, so that progress can be shown: `ended` trials
+    // have ended, and all of them have taken `seconds` of CPU time so far. NULL: nothing is called.
+    void (*progress)(void *context, int ended, double seconds);
 } pm_hypotheses;
 
 typedef struct pm_search_how {
