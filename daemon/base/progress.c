@@ -50,3 +50,10 @@ void pm_progress_finish(pm_progress *progress) {
         fputc('\n', stderr);
     }
 }
+
+void pm_progress_erase(pm_progress *progress) {
+    if (progress->enabled && progress->drawn >= progress->started) {
+        fputs("\r\033[K\r", stderr);
+        fflush(stderr);
+    }
+}

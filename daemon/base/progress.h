@@ -20,6 +20,8 @@ void pm_progress_init(pm_progress *progress, const char *label, long total);
 void pm_progress_update(pm_progress *progress, long done, const char *detail);
 // Ends the bar's line.
 void pm_progress_finish(pm_progress *progress);
+// Removes the bar, if it was drawn, and leaves the line to what comes next.
+void pm_progress_erase(pm_progress *progress);
 
 // Returns the monotonic clock's time in s.
 double pm_clock(void);

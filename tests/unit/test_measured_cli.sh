@@ -56,6 +56,11 @@ grep -qE "^  arm.stiffness = (8.9[89]|9.0[01])" "$folder/out" || fail "fit: expe
 grep -qE "^  arm.viscous = 0.(19[5-9]|20[0-5])" "$folder/out" || fail "fit: expected a friction of 0.2"
 grep -q "arm.s: the data do not fix its start" "$folder/out" || fail "fit: the entropy is fixed by nothing"
 grep -q "Energies of" "$folder/out" && fail "fit: its mass is known, so that its energy is"
+# On a terminal bars show the progress within a line of the report, and leave nothing behind.
+script -qec "$train fit $folder/training.yaml --data $folder/swing.h5 -o $folder/shown" /dev/null >"$folder/out" 2>"$folder/err" </dev/null ||
+    fail "fit on a terminal"
+tr '\r' '\n' <"$folder/out" | grep -qE '^windows of [0-9]+ +\[[# ]*\] [0-9]+/[0-9]+' || fail "fit: expected a bar of progress on a terminal"
+tr '\r' '\n' <"$folder/out" | grep -qE '^bands, fit 1 of [0-9] \[' || fail "fit: expected a bar while bands are calibrated"
 sed 's|p^2/2 - stiffness\*cos(q) + useless|scale*(p^2/2 - stiffness*cos(q))|; s/useless:/scale:/' "$folder/training.yaml" >"$folder/scale.yaml"
 succeed "Energies of arm, and the powers through its ports, are known to" fit "$folder/scale.yaml" --data "$folder/swing.h5" \
     -o "$folder/scaled"

@@ -161,6 +161,7 @@ static pm_status run_fold(calibration *c, int fold, int nfold) {
                                            c->how->work > 0 ? c->s->work + c->how->work / nfold : 0,
                                        .stop = c->how->stop};
     double damping = DAMPING;
+    snprintf(c->s->label, sizeof c->s->label, "bands, fit %d of %d", fold + 1, nfold);
     // Keeps the windows of all trajectories that are not in the fold.
     pm_shooting *s = c->s;
     const size_t nz = (size_t)s->nz;

@@ -3,6 +3,7 @@
 
 #include <limits.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -212,6 +213,7 @@ static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivit
         pm_status status = pm_shooting_open(&one, how, &track);
         if (status == PM_OK) {
             memcpy(one.terms.prior, s->terms.prior, (size_t)e->nz * sizeof *one.terms.prior);
+            snprintf(one.label, sizeof one.label, "start %d of %d", i + 1, e->count);
             status = seek_starts(&own, &one, continuation);
         }
         s->work += one.work;
@@ -246,6 +248,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     pm_status status;
     PM_TRY_DONE(pm_shooting_open(&shooting, &own, &tracks));
     set_priors(&shooting, o, how->uncertainty);
+    snprintf(shooting.label, sizeof shooting.label, "starts");
     const pm_continuation continuation = {.given = given,
                                           .typical = o->deviation,
                                           .stop = how->stop,

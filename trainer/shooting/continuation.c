@@ -234,6 +234,9 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
     if (point->round == 0 && progress.iterations == 0) {
         widen_later_priors(s);
     }
+    if (continuation->loud) {
+        snprintf(s->label, sizeof s->label, "windows of %d", point->length);
+    }
     for (; point->round < (last ? LAST_ROUNDS : MOST_ROUNDS) && !settled; ++point->round) {
         if (progress.iterations == 0) {
             set_gaps(s, continuation, point->factor);

@@ -720,6 +720,9 @@ typedef struct window_descent {
 static bool is_over(void *context) {
     const window_descent *d = context;
     const bool late = d->limits->work > 0 && d->s->work > d->limits->work;
+    if (*d->s->label != '\0') {
+        pm_progress_update(&d->s->progress, d->progress->iterations, NULL);
+    }
     return d->stuck || late || d->progress->iterations >= d->limits->iterations ||
            d->progress->idle >= 2;
 }
@@ -904,6 +907,10 @@ pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits,
                         .curve = pm_arena_array(&arena, n + starts, sizeof *d.curve),
                         .damping = damping};
     pm_status status = pm_arena_status(&arena, "multiple shooting");
+    // Many short calls together redraw the bar no more often than a long one.
+    const double drawn = s->progress.drawn;
+    pm_progress_init(&s->progress, s->label, limits->iterations);
+    s->progress.drawn = drawn;
     if (status == PM_OK) {
         pm_shooting_weights(s, d.kept);
         memcpy(d.kept + s->nweight, s->z, starts * sizeof *s->z);
@@ -916,6 +923,7 @@ pm_status pm_shooting_minimise(pm_shooting *s, const pm_shooting_limits *limits,
                              false); // residuals and ends of windows are those of the result
         status = s->failed;
     }
+    pm_progress_erase(&s->progress);
     pm_arena_free(&arena);
     return status;
 }

@@ -15,6 +15,7 @@
 
 #include <signal.h>
 
+#include "base/progress.h"
 #include "loss/team.h"
 #include "shooting/sensitivity.h"
 
@@ -63,6 +64,8 @@ typedef struct pm_shooting_blocks {
     double *reduced;  // [nborder][nborder] the matrix after elimination
 } pm_shooting_blocks;
 
+#define PM_SHOOTING_LABEL 48 // bytes
+
 typedef struct pm_shooting {
     pm_arena arena;   // owns what does not depend on the windows
     pm_arena divided; // owns the windows and what depends on them
@@ -91,6 +94,8 @@ typedef struct pm_shooting {
     pm_shooting_blocks blocks;
     struct pm_shooting_lane *lane; // [pm_team_lanes(NULL).own] threads
     pm_status failed;              // of the last evaluation: PM_ENOMEM, or PM_OK
+    pm_progress progress;          // of the steps that pm_shooting_minimise takes
+    char label[PM_SHOOTING_LABEL]; // of this bar; "": none is drawn
 } pm_shooting;
 
 // Prepares a fit without windows. All arguments must outlive it. The caller closes it. PM_ENOMEM.

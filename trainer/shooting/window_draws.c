@@ -78,6 +78,7 @@ static pm_status run(race *r, pm_arena *arena) {
     int best = 0;
     double objective = INFINITY;
     r->hold = true;
+    snprintf(s->label, sizeof s->label, "best of %d starts", how->tries);
     for (int i = 0; i < how->tries; ++i) {
         PM_TRY(advance(r, i, how->tries, STARTS_ITERATIONS, &objective));
         r->damping[i] = 0;
