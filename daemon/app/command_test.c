@@ -506,10 +506,7 @@ typedef struct crossing {
 static pm_status run_here(assembly *a, crossing *port, pm_ledger *ledger) {
     const pm_physics *physics = &a->setup.scene->physics;
     const int rounds = physics->substeps * pm_integrator_most_rounds(physics->integrator);
-    int most = a->setup.scene->run.steps; // --steps in place of the scene's
-    if (a->setup.replay != NULL && a->setup.replayed < most && a->options->steps == 0) {
-        most = (int)a->setup.replayed;
-    }
+    const int most = a->setup.scene->run.steps; // --steps in place of the scene's
     a->steps = MOST_ROUNDS / rounds < LEAST_STEPS  ? LEAST_STEPS
                : MOST_ROUNDS / rounds > MOST_STEPS ? MOST_STEPS
                                                    : MOST_ROUNDS / rounds;
@@ -865,6 +862,10 @@ static pm_status execute(const pm_run_options *options) {
                                    ? "bench: --processes is for scenes without live inputs"
                                    : "test: live inputs need a recording of them: --replay FILE"));
     }
+    if (a.setup.replay != NULL && a.setup.replayed < scene->run.steps && options->steps == 0) {
+        a.setup.scene->run.steps = (int)a.setup.replayed;
+    }
+    PM_TRY_DONE(options->processes ? PM_OK : pm_prepare_check_steps(&a.setup, options));
     if (!options->here) {
         PM_TRY_DONE(enter_private_network());
     }

@@ -33,6 +33,13 @@ pm_status pm_prepare_check_steps(const pm_setup *setup, const pm_run_options *op
     const pm_scene *scene = setup->scene;
     const pm_scene_boundary_input *ending =
         pm_boundary_input_ending(&setup->boundary_input, scene->run.steps - 1L);
+    if (setup->replay != NULL && setup->replayed < scene->run.steps && !options->held) {
+        return pm_fail(PM_EDATA,
+                       "scene %s: expected a run of at most %lld steps, found %d: %s: the "
+                       "recording that is replayed ends after step %lld",
+                       scene->name, (long long)setup->replayed, scene->run.steps,
+                       setup->replay_path, (long long)setup->replayed);
+    }
     if (ending == NULL || options->held) {
         return PM_OK;
     }

@@ -12,8 +12,8 @@
 // (connect.h). The caller frees the setup, on failure too.
 pm_status pm_prepare(pm_setup *setup, const pm_run_options *options, pm_purpose purpose);
 
-// Checks that every boundary input has values for all steps of the run, unless a client decides how
-// many steps it takes (--held). PM_EDATA.
+// Checks that every boundary input, and the recording that is replayed, has values for all steps of
+// the run, unless a client decides how many steps it takes (--held). PM_EDATA.
 pm_status pm_prepare_check_steps(const pm_setup *setup, const pm_run_options *options);
 
 // Writes the path of the file in which `process` (NULL: the coordinator) keeps its checkpoint to

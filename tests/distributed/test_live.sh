@@ -39,7 +39,11 @@ wait $controller 2>/dev/null
 
 # What cannot be.
 start short run "$folder/live.yaml" --steps 121 --in-process --replay "$folder/live.h5"
-ends short $pid 5 "the recording that is replayed ends after step 120"
+ends short $pid 5 "expected a run of at most 120 steps, found 121: $folder/live.h5: the recording that is replayed ends after step 120"
+start longer run "$folder/live.yaml" --steps 121 --replay "$folder/live.h5"
+ends longer $pid 5 "expected a run of at most 120 steps, found 121: "
+start tested test "$folder/live.yaml" --steps 121 --replay "$folder/live.h5"
+ends tested $pid 5 "expected a run of at most 120 steps, found 121: "
 sed -e 's/^scene: .*/scene: another/' "$folder/live.yaml" >"$folder/another.yaml"
 start another run "$folder/another.yaml" --in-process --replay "$folder/live.h5"
 ends another $pid 5 "a recording of scene live_double_pendulum, expected one of another"

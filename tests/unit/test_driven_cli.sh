@@ -239,7 +239,7 @@ program=$portmetd
 sed -e 's/, estimate: 0.5//' -e 's/uneven.h5/drive.h5/' "$folder/uneven.yaml" >"$folder/unestimated.yaml"
 expect 5 'nobody measures coil.phi, so that its start must be estimated' run "$folder/unestimated.yaml" --weights "$folder/u" --in-process
 # More steps than an input has samples for are refused before the start, whoever would take them.
-for how in "run --in-process" "run" "run --copies 2" "coordinator"; do
+for how in "run --in-process" "run" "run --copies 2" "coordinator" "test"; do
     # shellcheck disable=SC2086
     expect 5 'scene drive: expected a run of at most 31 steps, found 2000: boundary input hand follows trajectory 6 of ' \
         $how "$folder/drive.yaml" --weights "$folder/w" --steps 2000
