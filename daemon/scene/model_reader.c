@@ -453,8 +453,9 @@ static pm_status read_derived(pm_yaml block, pm_arena *arena, pm_derived_spec *d
 // --- constants ---
 
 // Reads whether a constant is optional: true, false, or a list of constants that mean nothing
-// without it.
-static pm_status read_optional(pm_yaml value, pm_arena *arena, const char **optional) {
+// without it. These are constants of the model, which has those of the two maps.
+static pm_status read_optional(pm_yaml value, const pm_yaml *map, pm_arena *arena,
+                               const char **optional) {
     int count = 0;
     const char **name = NULL;
     bool is = false;
@@ -466,13 +467,18 @@ static pm_status read_optional(pm_yaml value, pm_arena *arena, const char **opti
     PM_TRY(pm_yaml_texts(value, arena, &count, &name));
     *optional = " ";
     for (int i = 0; i < count; ++i) {
+        if (!pm_yaml_exists(pm_yaml_get(map[0], name[i])) &&
+            !pm_yaml_exists(pm_yaml_get(map[1], name[i]))) {
+            return pm_yaml_fail(pm_yaml_item(value, i),
+                                "expected a constant of the model, found \"%.64s\"", name[i]);
+        }
         *optional = pm_arena_printf(arena, "%s%s ", *optional, name[i]);
     }
     return check_memory(arena);
 }
 
 // Reads a constant: a number, or {learned: start, positive: true, shared: true, optional: true}.
-static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
+static pm_status read_constant(pm_yaml value, const pm_yaml *map, pm_arena *arena, double *number,
                                pm_constant_kind *kind, bool *shared, const char **optional) {
     *kind = PM_CONSTANT_KNOWN;
     if (!pm_yaml_is_map(value)) {
@@ -488,7 +494,7 @@ static pm_status read_constant(pm_yaml value, pm_arena *arena, double *number,
     PM_TRY(pm_yaml_read(value, arena, keys));
     PM_TRY(pm_yaml_double(start, -INFINITY, INFINITY, number));
     PM_TRY(pm_yaml_exists(once) ? pm_yaml_bool(once, shared) : PM_OK);
-    PM_TRY(read_optional(may, arena, optional));
+    PM_TRY(read_optional(may, map, arena, optional));
     *kind = positive ? PM_CONSTANT_POSITIVE : PM_CONSTANT_LEARNED;
     if (*shared && !positive) {
         return pm_yaml_fail(once, "only a positive constant is shared");
@@ -536,8 +542,8 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
             pm_yaml key, number;
             pm_yaml_entry(map[m], i, &key, &number);
             PM_TRY(pm_yaml_text(key, arena, &name[count]));
-            PM_TRY(read_constant(number, arena, &value[count], &learned[count], &shared[count],
-                                 &optional[count]));
+            PM_TRY(read_constant(number, map, arena, &value[count], &learned[count],
+                                 &shared[count], &optional[count]));
             bool there = false;
             for (int k = 0; k < before; ++k) {
                 there = there || strcmp(name[k], name[count]) == 0;

@@ -269,6 +269,8 @@ static const yaml_case bad[] = {
     {"{given: s}", "[[s]]", "[s]", "entropy: expected text, found a list"},
     {"m: 2", "m: heavy", "heavy", "m: expected a number, found \"heavy\""},
     {"{m: 2, k: 0.1}", "{}", "{}", "constants: expected a mapping with at least one entry"},
+    {"k: 0.1}", "k: {learned: 0.1, optional: [m, kk]}}", "kk",
+     "optional: expected a constant of the model, found \"kk\""},
     {"{m: 2, k: 0.1}", "[m]", "[m]",
      "constants: expected a mapping with at least one entry, found a list"},
     {"[q, p, 1.0], ", "[q, p], ", "[q", "given: expected a pair such as [q, p, 1.0]"},
