@@ -55,14 +55,16 @@ static void print_names(const char *const *name, int count) {
 static void print_header(const pm_setup *setup, int rounds) {
     const pm_scene *scene = setup->scene;
     printf("scene %s (%s)\n", scene->name, scene->path);
-    printf("  time       %d steps of %g s, %s, ", scene->run.steps, scene->physics.dt,
-           scene->physics.integrator->name);
+    printf("  time       %d step%s of %g s, %s, ", scene->run.steps,
+           scene->run.steps == 1 ? "" : "s", scene->physics.dt, scene->physics.integrator->name);
     if (pm_physics_is_adaptive(&scene->physics)) {
         printf("substeps for a tolerance of %g, at least %d\n", scene->physics.tolerance,
                scene->physics.substeps);
     } else {
-        printf("%d substeps: %s%d flux exchanges per step\n", scene->physics.substeps,
-               pm_integrator_iterates(scene->physics.integrator) ? "at most " : "", rounds);
+        printf("%d substep%s: %s%d flux exchange%s per step\n", scene->physics.substeps,
+               scene->physics.substeps == 1 ? "" : "s",
+               pm_integrator_iterates(scene->physics.integrator) ? "at most " : "", rounds,
+               rounds == 1 ? "" : "s");
     }
     const char *url = pm_connect_url(scene, NULL);
     const bool ranks = pm_transport_has_ranks(url);

@@ -129,8 +129,9 @@ static void print_copies(const pm_fleet *fleet, const pm_scene_variables *names,
     for (int i = 0; i < fleet->count; ++i) {
         ended += fleet->ended[i] != 0;
     }
-    printf("%s: %d steps of %g s of %" PRId64 " copies, %" PRId64 " of which ended early\n",
-           scene->name, scene->run.steps, scene->physics.dt, fleet->count, ended);
+    printf("%s: %d step%s of %g s of %" PRId64 " cop%s, %" PRId64 " of which ended early\n",
+           scene->name, scene->run.steps, scene->run.steps == 1 ? "" : "s", scene->physics.dt,
+           fleet->count, fleet->count == 1 ? "y" : "ies", ended);
     printf("\n%-24s %15s %15s %15s %15s\n", "At the end", "mean", "deviation", "least", "largest");
     for (int k = 0; k < nz && k < PM_SCENE_LISTED && ended < fleet->count; ++k) {
         const double count = (double)(fleet->count - ended);

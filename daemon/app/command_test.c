@@ -571,9 +571,10 @@ static void print_ports(assembly *a, const crossing *port, const pm_ledger *ledg
         }
     }
     if (a->json == NULL) {
-        printf("\n%d steps in this process: largest residual of the energy %.1e, of the entropy "
+        printf("\n%d step%s in this process: largest residual of the energy %.1e, of the entropy "
                "%.1e; steps in violation: %ld\n",
-               a->shown, ledger->worst_energy, ledger->worst_entropy, ledger->violations);
+               a->shown, a->shown == 1 ? "" : "s", ledger->worst_energy, ledger->worst_entropy,
+               ledger->violations);
     }
 }
 
@@ -749,7 +750,7 @@ static pm_status bench_processes(assembly *a) {
     if (a->json != NULL) {
         fprintf(a->json, "]}\n");
     } else if (left > 0) {
-        printf("\n%d settings are left out: they need a larger --budget.\n", left);
+        printf("\nSettings left out, since they need a larger --budget: %d\n", left);
     }
     PM_TRY(status);
     PM_TRY(*options->stop ? pm_fail(PM_EINTERRUPTED, "interrupted") : PM_OK);
@@ -778,10 +779,11 @@ static pm_status make_trials(assembly *a) {
     }
     PM_TRY(write_file(in_folder(a, path, "key"), key, sizeof key, 0600));
     if (a->json == NULL) {
-        printf("%s: %d steps of %g s, %s with %d substeps; subsystems: %d, ports: %d\n\n",
-               a->setup.scene->name, a->steps, a->setup.scene->physics.dt,
+        printf("%s: %d step%s of %g s, %s with %d substep%s; subsystems: %d, ports: %d\n\n",
+               a->setup.scene->name, a->steps, a->steps == 1 ? "" : "s", a->setup.scene->physics.dt,
                a->setup.scene->physics.integrator->name, a->setup.scene->physics.substeps,
-               a->setup.scene->physics.nsubsystem, a->setup.scene->physics.nport);
+               a->setup.scene->physics.substeps == 1 ? "" : "s", a->setup.scene->physics.nsubsystem,
+               a->setup.scene->physics.nport);
     }
     pm_progress_init(&progress, "test", NTRIAL);
     pm_status status = PM_OK;

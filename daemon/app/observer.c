@@ -177,7 +177,7 @@ static void print_laws(const pm_report *report, const pm_ledger *ledger) {
     printf("  largest drift of the total energy: %.2e J\n", ledger->energy_drift);
 }
 
-static const char *plural(int count) {
+static const char *plural(long count) {
     return count == 1 ? "" : "s";
 }
 
@@ -187,8 +187,8 @@ static void print_report(const pm_report *report, const pm_ledger *ledger, const
     const pm_setup *setup = report->setup;
     const pm_scene *scene = setup->scene;
     const pm_physics *physics = &scene->physics;
-    printf("%s: %ld steps of %g s, %s with ", scene->name, report->steps, physics->dt,
-           physics->integrator->name);
+    printf("%s: %ld step%s of %g s, %s with ", scene->name, report->steps, plural(report->steps),
+           physics->dt, physics->integrator->name);
     if (pm_physics_is_adaptive(physics)) {
         printf("substeps for a tolerance of %g; ", physics->tolerance);
     } else {
@@ -205,13 +205,14 @@ static void print_report(const pm_report *report, const pm_ledger *ledger, const
         print_flux(report, i, "(its own bulk)", report->bulk[i]);
     }
     if (physics->nsubsystem > report->nlisted) {
-        printf("  and %d more subsystems; a recording has the fluxes of all\n",
-               physics->nsubsystem - report->nlisted);
+        printf("  and %d more subsystem%s; a recording has the fluxes of all\n",
+               physics->nsubsystem - report->nlisted,
+               plural(physics->nsubsystem - report->nlisted));
     }
 
     if (setup->reference != NULL) {
-        printf("\nRelative L2 error over %d states of %s, trajectory %d%s\n", report->ncompared,
-               scene->run.reference, scene->run.reference_trajectory,
+        printf("\nRelative L2 error over %d state%s of %s, trajectory %d%s\n", report->ncompared,
+               plural(report->ncompared), scene->run.reference, scene->run.reference_trajectory,
                pm_columns_combine(&setup->columns, scene)
                    ? "; groups of one name in several subsystems are one row"
                    : "");

@@ -542,8 +542,8 @@ static pm_status read_model(const model_values *v, pm_yaml block, pm_yaml own, p
             pm_yaml key, number;
             pm_yaml_entry(map[m], i, &key, &number);
             PM_TRY(pm_yaml_text(key, arena, &name[count]));
-            PM_TRY(read_constant(number, map, arena, &value[count], &learned[count],
-                                 &shared[count], &optional[count]));
+            PM_TRY(read_constant(number, map, arena, &value[count], &learned[count], &shared[count],
+                                 &optional[count]));
             bool there = false;
             for (int k = 0; k < before; ++k) {
                 there = there || strcmp(name[k], name[count]) == 0;

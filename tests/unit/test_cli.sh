@@ -173,7 +173,7 @@ if command -v h5ls > /dev/null; then
 fi
 succeed "  q                       0 %" run "$scene" --in-process --record "$folder/run.h5"
 [ -s "$folder/run.h5" ] || fail "no recording"
-succeed "of 1 copies, 0 of which" run "$scene" --starts "$folder/reference.h5" --steps 4 --record "$folder/copies.h5"
+succeed "of 1 copy, 0 of which" run "$scene" --starts "$folder/reference.h5" --steps 4 --record "$folder/copies.h5"
 succeed "left.q[0]" run "$scene" --copies 1 --starts "$folder/copies.h5" --steps 2
 succeed "of 70 copies, 0 of which" run "$scene" --copies 70 --steps 2
 expect 5 "trajectories, and 9 copies" run "$scene" --copies 9 --starts "$folder/reference.h5"

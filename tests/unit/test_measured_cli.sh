@@ -301,7 +301,7 @@ expect 5 'column "entropy" is not in the measurements' evaluate "$folder/wrong.y
 sed 's/arm.q + 0.02/arm.x/' "$folder/pendulum.yaml" >"$folder/wrong.yaml"
 expect 3 'there is no "arm.x" here' evaluate "$folder/wrong.yaml" --weights "$folder/weights" \
     --data "$folder/swing.h5" --estimate 1
-expect 5 'has 1 samples within 0.001 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" \
+expect 5 'has 1 sample within 0.001 s' evaluate "$folder/pendulum.yaml" --weights "$folder/weights" \
     --data "$folder/swing.h5" --estimate 0.001
 printf 't,a\n0,1\n1,x\n' >"$folder/bad.csv"
 expect 5 'bad.csv:3: expected a number, found "x"' import "$folder/bad.csv" -o "$folder/no.h5"

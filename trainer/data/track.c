@@ -154,9 +154,9 @@ static pm_status make(pm_tracks *tracks, const pm_scene *scene, const pm_observa
         r->count = count;
         if (r->count < 2) {
             return pm_fail(PM_EDATA,
-                           "trajectory %d has %d samples within %g s that are about dt = %g s "
-                           "apart, expected two or more",
-                           which[i], r->count, until, scene->physics.dt);
+                           "trajectory %d has %d sample%s within %g s, about dt = %g s apart, "
+                           "expected two or more",
+                           which[i], r->count, r->count == 1 ? "" : "s", until, scene->physics.dt);
         }
         r->sample = pm_arena_array(&tracks->arena, (size_t)r->count, sizeof *r->sample);
         PM_TRY(pm_arena_status(&tracks->arena, "measured trajectories"));

@@ -521,8 +521,8 @@ pm_status pm_seen_choose(const pm_system *system, const pm_dataset *dataset, con
         if (nseen > 0 && *count == 1) {
             printf("this trajectory is one that %s: no test of them\n", where);
         } else if (nseen > 0) {
-            printf("%d of these %d trajectories are ones that %s: no test of them\n", nseen, *count,
-                   where);
+            printf("%d of these %d trajectories %s that %s: no test of them\n", nseen, *count,
+                   nseen == 1 ? "is one" : "are ones", where);
         } else if (*count == 1) {
             printf("unseen: the weights were not trained on this trajectory\n");
         } else {

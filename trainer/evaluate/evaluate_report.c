@@ -71,14 +71,16 @@ static void print_out_of_range(const pm_evaluation *e) {
                 worst = count > most ? i : worst;
                 most = count > most ? count : most;
             } else if (count > 0 && (nsubsystem <= MOST_LISTED || i == worst)) {
-                printf("  %s on %ld of %ld steps, in %d of %d trajectories%s\n",
+                printf("  %s on %ld of %ld steps, in %d of %d trajector%s%s\n",
                        scene->physics.subsystem[i].name, count, steps, trajectories, e->count,
+                       e->count == 1 ? "y" : "ies",
                        nsubsystem > MOST_LISTED ? ", more often than any other" : "");
             }
         }
         if (pass == 0 && nsubsystem > 0) {
-            printf("\n%d of %d subsystems left the states their weights were trained on:\n",
-                   nsubsystem, scene->physics.nsubsystem);
+            printf("\n%d of %d subsystem%s left the states their weights were trained on:\n",
+                   nsubsystem, scene->physics.nsubsystem,
+                   scene->physics.nsubsystem == 1 ? "" : "s");
         }
     }
 }
@@ -176,11 +178,12 @@ static void print_errors(const pm_evaluation *e, const char *title) {
     }
     const int failures = pm_evaluation_failures(e);
     if (failures > 0) {
-        printf("\n%d of %d rollouts became non-finite; their errors count as infinite:", failures,
-               e->count);
+        printf("\n%d of %d rollout%s became non-finite; their errors count as infinite:", failures,
+               e->count, e->count == 1 ? "" : "s");
         for (int i = 0; i < e->count; ++i) {
             if (e->rollout[i].reached < e->rollout[i].length) {
-                printf(" %d (after %d states)", e->rollout[i].trajectory, e->rollout[i].reached);
+                printf(" %d (after %d state%s)", e->rollout[i].trajectory, e->rollout[i].reached,
+                       e->rollout[i].reached == 1 ? "" : "s");
             }
         }
         printf("\n");

@@ -130,7 +130,8 @@ pm_status pm_fit_open(pm_fit *f, const pm_fit_arguments *arguments,
     PM_TRY(pm_arena_status(&f->arena, "a path"));
     PM_TRY(leads ? pm_files_check_output(path, CURVES) : PM_OK);
     f->size = pm_trained_count(t->system);
-    printf("%s: %d weights, trajectories %s of ", arguments->config, f->size, f->split.training);
+    printf("%s: %d weight%s, trajectories %s of ", arguments->config, f->size,
+           f->size == 1 ? "" : "s", f->split.training);
     f->kind->describe(f);
     if (f->split.nvalidation > 0) {
         printf("; validation on %s\n", f->split.validation);

@@ -244,9 +244,9 @@ pm_status pm_calibration_make(pm_uncertainty *u, pm_shooting *s, const pm_calibr
         how->error[k] = pm_box_of(c.npredicted, c.error + (ptrdiff_t)k * MOST_HELD).median;
     }
     if (c.count > 0) {
-        printf(
-            "bands            %8d predictions %8.2f s of CPU   of trajectories that are left out\n",
-            c.count, (double)(clock() - started) / CLOCKS_PER_SEC);
+        printf("bands            %8d prediction%s %8.2f s of CPU   of trajectories that are left "
+               "out\n",
+               c.count, c.count == 1 ? " " : "s", (double)(clock() - started) / CLOCKS_PER_SEC);
     }
     if (status == PM_OK && c.count > 0) {
         // The quantile of Student's distribution below which 95 % lie, by its expansion in the

@@ -17,6 +17,8 @@
 // Lags of the autocorrelation, until it falls below a limit.
 #define MOST_LAGS 400
 #define LEAST_CORRELATION 0.05
+// A number of samples that is so near to 1 is printed as 1.
+#define EACH 5e-3
 // A start, or a weight, keeps at least this part of the deviation of its prior if the data tell
 // nothing about it.
 #define PRIOR_ALONE 0.5
@@ -588,9 +590,10 @@ static void print_component(const pm_uncertainty *u, const pm_shooting *s, int i
 
 void pm_uncertainty_print(const pm_uncertainty *u, const pm_shooting *s) {
     size_t at = 0;
+    const bool each = fabs(u->samples_per_residual - 1) < EACH;
     printf("What the measurements fix (variances are %.3g times those of independent noise; %.3g "
-           "samples in a row count as one):\n",
-           u->inflation, u->samples_per_residual);
+           "sample%s in a row count%s as one):\n",
+           u->inflation, u->samples_per_residual, each ? "" : "s", each ? "s" : "");
     if (u->scale != 1) {
         printf("  bands: the variance that the weights cause counts %.3g times, as predictions of "
                "trajectories that were left out show\n",

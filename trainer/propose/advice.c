@@ -604,9 +604,9 @@ pm_status pm_advise(const pm_fit *fit, double budget, const volatile sig_atomic_
                      "nothing that they may lack was tried.\n");
     } else {
         fprintf(out,
-                "None of %d hypotheses about what the models and ports may lack halves the error "
+                "None of %d hypothes%s about what the models and ports may lack halves the error "
                 "of a short fit.\n",
-                o.ntried - 1);
+                o.ntried - 1, o.ntried == 2 ? "is" : "es");
     }
     snprintf(scene, sizeof scene, "%.*s_scene.yaml", (int)pm_path_stem(path), path);
     (void)remove(path);

@@ -484,7 +484,8 @@ static pm_status run(hypothesis_search *s, int count, const int *which, int stag
         }
         if (s->how->loud) {
             char detail[DETAIL];
-            snprintf(detail, sizeof detail, "%d hypotheses", s->ncandidate);
+            snprintf(detail, sizeof detail, "%d hypothes%s", s->ncandidate,
+                     s->ncandidate == 1 ? "is" : "es");
             pm_progress_update(&s->progress, lround(fmin(s->spent, s->how->budget)), detail);
         }
     }
@@ -763,8 +764,8 @@ pm_status pm_search_run(const pm_hypotheses *space, const pm_search_how *how, co
         const pm_search_trial *kept = &s->candidate[s->best].trial;
         const bool loud = how->loud && !interrupted;
         if (loud && kept->failed) {
-            printf("none of %d hypotheses leads to a model (%s): the file is a beginning to edit\n",
-                   s->ncandidate, kept->reason);
+            printf("none of %d hypothes%s leads to a model (%s): the file is a beginning to edit\n",
+                   s->ncandidate, s->ncandidate == 1 ? "is" : "es", kept->reason);
         } else if (loud) {
             printf("tried %d hypothes%s about %d choice%s in %.0f s of CPU; %s\n", s->ncandidate,
                    s->ncandidate == 1 ? "is" : "es", space->count, space->count == 1 ? "" : "s",

@@ -257,11 +257,11 @@ static pm_status run_point(pm_shooting *s, const pm_continuation *continuation,
         for (int c = 0; c < s->ny; ++c) {
             noise += log(s->terms.noise[c] / s->tracks->deviation[c]) / s->ny;
         }
-        printf("%s of %-6d %8d iterations %8.2f s of CPU   %d windows, residual %.3g %% of the "
+        printf("%s of %-6d %8d iteration%s %8.2f s of CPU   %d window%s, residual %.3g %% of the "
                "deviation, gaps %.2g of the noise\n",
                s->terms.hold ? "starts, windows" : "windows", point->length, iterations,
-               ((double)(clock() - started) / CLOCKS_PER_SEC), s->nwindow, 100 * exp(noise),
-               point->gap);
+               iterations == 1 ? " " : "s", ((double)(clock() - started) / CLOCKS_PER_SEC),
+               s->nwindow, s->nwindow == 1 ? "" : "s", 100 * exp(noise), point->gap);
         fflush(stdout);
     }
     return PM_OK;

@@ -98,14 +98,14 @@ static pm_status score(const pm_body_assembly *assembly, const pm_field *const *
         printf("force %s on %s: ", assembly->body[m->body[0]].name,
                assembly->body[m->body[1]].name);
         if (touching == 0) {
-            printf("they touch in none of %d trajectories\n", count);
+            printf("they touch in none of %d trajector%s\n", count, count == 1 ? "y" : "ies");
             continue;
         }
         const pm_box b = pm_box_of(touching, error);
-        printf("relative L2 error, %%, in %d of %d trajectories: median %.3g, quartiles %.3g %.3g, "
+        printf("relative L2 error, %%, in %d of %d trajector%s: median %.3g, quartiles %.3g %.3g, "
                "mean %.3g\n",
-               touching, count, 100 * b.median, 100 * b.first_quartile, 100 * b.third_quartile,
-               100 * b.mean);
+               touching, count, count == 1 ? "y" : "ies", 100 * b.median, 100 * b.first_quartile,
+               100 * b.third_quartile, 100 * b.mean);
     }
 done:
     pm_dataset_free(modes);

@@ -277,7 +277,7 @@ def _join(path, channels):
         rows[-1].update(values)
         keys.add(key)
     if len(channels) > 1:
-        say(f"{path}: {len(channels)} channels; messages within {close:.3g} s of each other are one sample")
+        say(f"{path}: {len(channels)} channel{'' if len(channels) == 1 else 's'}; messages within {close:.3g} s of each other are one sample")
     value = numpy.full((len(rows), 1 + len(names)), numpy.nan)
     for k, (time, row) in enumerate(zip(moments, rows)):
         value[k, 0] = time - moments[0]

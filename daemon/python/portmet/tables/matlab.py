@@ -160,7 +160,7 @@ def read(path, wanted):
     if not runs:
         raise Refused(DATA, f"{path}: there is no column of numbers")
     if empty:
-        say(f"{path}: leaves out {len(empty)} runs without samples, such as {empty[0].path}")
+        say(f"{path}: leaves out {len(empty)} run{'' if len(empty) == 1 else 's'} without samples, such as {empty[0].path}")
     _fill(runs)
     return runs
 

@@ -212,7 +212,7 @@ def join(words):
         found = read(path, how)
         for run in found:
             if len(found) > 1 and len(run.value) < 2:
-                say(f"{run.path}: leaves out this run, which has {len(run.value)} rows")
+                say(f"{run.path}: leaves out this run, which has {len(run.value)} row{'' if len(run.value) == 1 else 's'}")
                 continue
             counts += clean(run, how)
             if runs:
@@ -263,7 +263,8 @@ def write(path, runs, times, temporary=False):
     finally:
         if os.path.exists(part):
             os.unlink(part)
-    say(f"{'tables' if temporary else 'wrote ' + path}: {len(runs)} trajectories of at most {ntime} samples, columns {layout}")
+    what = "1 trajectory" if len(runs) == 1 else f"{len(runs)} trajectories"
+    say(f"{'tables' if temporary else 'wrote ' + path}: {what} of at most {ntime} samples, columns {layout}")
 
 
 def main(words):
