@@ -146,11 +146,11 @@ static pm_status find_uncertainty(pm_estimate *e, pm_system *system, const pm_ob
 
 // Seeks the starts in whole tracks from the guess at once and, unless that follows all of them, in
 // short windows that grow: each may end where the other does not, as dry friction makes many
-// minima. Of each track it takes what leaves less.
-static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuation *continuation) {
+// minima. Of each track it takes what leaves less, and writes that, in squares of the noise for a
+// measurement, to least [count].
+static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuation *continuation,
+                             double *least) {
     const int first[] = {pm_continuation_longest(s), 0}, substeps = s->how.substeps;
-    double *least = pm_arena_array(&e->arena, (size_t)e->count, sizeof *least);
-    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     pm_status result = PM_ENUMERIC;
     bool followed = false;
     const double most = continuation->work > 0 ? continuation->work : INFINITY;
@@ -186,7 +186,7 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
                 const double prior = s->terms.prior[c], away = start[c] - s->observation->guess[c];
                 left += prior > 0 ? away * away / (prior * prior) : 0;
             }
-            left = isfinite(left) ? left : INFINITY;
+            left = isfinite(left) ? left / fmax((double)measured, 1) : INFINITY;
             if (result != PM_OK || left < least[i]) {
                 least[i] = left;
                 memcpy(e->start + (ptrdiff_t)i * e->nz, start, (size_t)e->nz * sizeof *start);
@@ -197,36 +197,53 @@ static pm_status seek_starts(pm_estimate *e, pm_shooting *s, const pm_continuati
     return result;
 }
 
-// Seeks the start of one trajectory after the other, so that those that cannot be followed, of
-// which it takes the measurements and the guess, spoil no others. PM_ENUMERIC: it is none.
+// Seeks the starts of trajectories that have not been followed, one after the other, so that those
+// that cannot be followed spoil no others. least [count] is what earlier starts leave; where all of
+// it is infinite, there are none: of what cannot be followed it takes the measurements and the
+// guess. PM_ENUMERIC: it is none.
 static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivity_how *how,
-                             const pm_continuation *continuation) {
+                             const pm_continuation *continuation, double *least) {
     const double most = continuation->work > 0 ? continuation->work : INFINITY;
-    pm_status result = PM_ENUMERIC;
+    const size_t nz = (size_t)e->nz;
+    double *noise = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *noise);
+    double *found = pm_arena_array(&e->arena, nz, sizeof *found);
+    PM_TRY(pm_arena_status(&e->arena, "an estimate"));
+    bool any = false;
+    for (int i = 0; i < e->count; ++i) {
+        any = any || isfinite(least[i]);
+    }
+    const bool none = !any;
     for (int i = 0; i < e->count && s->work < most; ++i) {
-        double *start = e->start + (ptrdiff_t)i * e->nz;
-        pm_estimate own = {.count = 1, .ny = e->ny, .nz = e->nz, .start = start, .noise = e->noise};
+        double *start = e->start + (size_t)i * nz;
+        double left = INFINITY;
+        pm_estimate own = {.count = 1, .ny = e->ny, .nz = e->nz, .start = found, .noise = noise};
         pm_tracks track = *s->tracks;
         pm_shooting one = {0};
+        if (least[i] < FOLLOWED) {
+            continue;
+        }
         track.count = 1;
         track.track += i;
         pm_status status = pm_shooting_open(&one, how, &track);
         if (status == PM_OK) {
-            memcpy(one.terms.prior, s->terms.prior, (size_t)e->nz * sizeof *one.terms.prior);
+            memcpy(one.terms.prior, s->terms.prior, nz * sizeof *one.terms.prior);
             snprintf(one.label, sizeof one.label, "start %d of %d", i + 1, e->count);
-            status = seek_starts(&own, &one, continuation);
+            status = seek_starts(&own, &one, continuation, &left);
         }
         s->work += one.work;
         pm_shooting_close(&one);
         pm_arena_free(&own.arena);
-        if (status == PM_ENUMERIC) {
+        if (status == PM_ENUMERIC && none) {
             pm_track_sample_states(s->tracks, i, how->system->scene, s->observation, 0, 1, start);
-        } else {
+        } else if (status == PM_OK && left < least[i]) {
+            memcpy(start, found, nz * sizeof *start);
+            memcpy(e->noise, noise, none && !any ? (size_t)e->ny * sizeof *noise : 0);
+            any = true;
+        } else if (status != PM_ENUMERIC) {
             PM_TRY(status);
-            result = PM_OK;
         }
     }
-    return result;
+    return any ? PM_OK : PM_ENUMERIC;
 }
 
 static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
@@ -235,6 +252,7 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
     pm_tracks tracks;
     pm_shooting shooting = {0};
     double *given = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *given);
+    double *least = pm_arena_array(&e->arena, (size_t)e->count, sizeof *least);
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
     pm_observation known = *o;
     if (how->uncertainty != NULL) {
@@ -254,11 +272,15 @@ static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observa
                                           .stop = how->stop,
                                           .work = how->work,
                                           .brief = true};
-    status = seek_starts(e, &shooting, &continuation);
-    if (status == PM_ENUMERIC && e->count > 1) {
-        status = seek_singly(e, &shooting, &own, &continuation);
+    for (int i = 0; i < e->count; ++i) {
+        least[i] = INFINITY;
+    }
+    status = seek_starts(e, &shooting, &continuation, least);
+    if (e->count > 1 && (status == PM_OK || status == PM_ENUMERIC)) {
+        status = seek_singly(e, &shooting, &own, &continuation, least);
     }
     PM_TRY_DONE(status);
+    shooting.stride = 1; // a continuation that failed may have been about some tracks alone
     PM_TRY_DONE(pm_shooting_divide(&shooting, WHOLE)); // each track is one window
     memcpy(shooting.z, e->start, (size_t)e->count * (size_t)e->nz * sizeof *e->start);
     pm_shooting_evaluate(&shooting, shooting.z, false);

@@ -218,8 +218,9 @@ double pm_uncertainty_independent(const pm_shooting *s, int column, double *size
         const pm_track *t = &s->tracks->track[i];
         for (int k = 0; k + 1 < t->count; ++k) {
             const ptrdiff_t at = (ptrdiff_t)k * s->ny + column, next = at + s->ny;
-            if (isfinite(t->y[at]) && isfinite(t->y[next])) {
-                size[count++] = fabs(s->residual[i][next] - s->residual[i][at]);
+            const double change = fabs(s->residual[i][next] - s->residual[i][at]);
+            if (isfinite(t->y[at]) && isfinite(t->y[next]) && isfinite(change)) {
+                size[count++] = change; // that of a track which cannot be followed is none
             }
         }
     }
