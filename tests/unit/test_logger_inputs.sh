@@ -96,4 +96,29 @@ succeed "wrote" propose --budget 30 --data "$folder"/wheels_?.csv --inputs left,
 grep -q "[*] left: moves all velocities of its part; right: moves all velocities of its part" "$folder/wheels/training.yaml" ||
     fail "propose: both wheels move both velocities"
 succeed "Verdict: good" fit "$folder/wheels/training.yaml" -o "$folder/wheels/weights"
+[ "$short" != short ] || finish
+# Two pumps fill four tanks, each of them two; the upper ones run into the lower ones.
+write pumps 8 "a [m],b [m],c [m],d [m],q [m^3/s],p [m^3/s]" \
+    "n = 5; driven = 2; for (i = 1; i < 5; i++) y[i] = 0.3 + rand(); y[5] = 2*rand()" \
+    "if (j == 0 && k % 11 == 0) y[5] = 2*rand()
+     for (i = 1; i < 5; i++) o[i] = 2*sqrt(y[i] > 0 ? y[i] : 0)
+     y[1] += h*(o[3] - o[1] + 3*u); y[2] += h*(o[4] - o[2] + 2*y[5])
+     y[3] += h*(1.2*y[5] - o[3]); y[4] += h*(2*u - o[4])"
+noisy pumps 2 3 4 5
+succeed "q [m^3/s]: an input" propose --budget 20 --data "$folder"/pumps_?.csv --inputs p,q -o "$folder/pumps"
+[ "$(grep -cE "^[pq] .*(moves, with a learned factor, [abcd]; drives|drives [abcd]; moves, with a learned factor)" "$folder/out")" = 2 ] ||
+    fail "propose: each pump fills two tanks"
+succeed "Verdict: good" fit "$folder/pumps/training.yaml" -o "$folder/pumps/weights"
+
+# A load swings from a trolley that is pushed: they share an inertia, which depends on the angle.
+write crane 8 "x [m],angle [rad],v [m/s],w [rad/s],F [N]" \
+    "n = 4; driven = 1; y[1] = rand() - 0.5; y[2] = 2*rand() - 1" \
+    "s = sin(y[2]); c = cos(y[2]); r = 40*u - 4*y[3] + 0.96*y[4]*y[4]*s; t = -9.42*s - 0.03*y[4]; D = 3.2256 - 0.9216*c*c
+     a = (0.768*r - 0.96*c*t)/D; b = (4.2*t - 0.96*c*r)/D
+     y[3] += h*a; y[4] += h*b; y[1] += h*y[3]; y[2] += h*y[4]"
+noisy crane 2 3 4 5
+succeed "wrote" propose --budget 30 --data "$folder"/crane_?.csv --inputs F -o "$folder/crane"
+awk '/misses the validation part by/ { for (i = 1; i < NF; i++) if ($i == "by") small = $(i + 1) < 0.5 } END { exit !small }' \
+    "$folder/out" || fail "propose: expected an error below 0.5 %"
+succeed "Verdict: good" fit "$folder/crane/training.yaml" -o "$folder/crane/weights"
 finish
