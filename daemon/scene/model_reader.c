@@ -55,11 +55,6 @@ static pm_status read_formula(pm_yaml text, const context *r, pm_formula *formul
     return pm_yaml_text(text, r->arena, &formula->text);
 }
 
-// Returns value i of a list, or the value itself if it is no list.
-static pm_yaml item_of(pm_yaml list, int i) {
-    return pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
-}
-
 // --- networks ---
 
 // The values of the keys of a network, which stand among other keys of a block.
@@ -177,7 +172,7 @@ static pm_status read_given(pm_yaml given, pm_arena *arena, pm_potential_spec *p
             PM_TRY(pm_yaml_text(key, arena, &group[i]));
             PM_TRY(pm_yaml_double(value, -INFINITY, INFINITY, &coefficient[i]));
         } else {
-            PM_TRY(pm_yaml_text(item_of(given, i - before), arena, &group[i]));
+            PM_TRY(pm_yaml_text(pm_yaml_item_or_self(given, i - before), arena, &group[i]));
         }
     }
     potential->given = group;
@@ -238,7 +233,7 @@ static pm_status read_potential(pm_yaml value, const context *r, pm_potential_sp
     potential->formula = formula;
     PM_TRY(check_memory(r->arena));
     for (int i = 0; i < count; ++i) {
-        const pm_yaml item = item_of(value, i);
+        const pm_yaml item = pm_yaml_item_or_self(value, i);
         pm_yaml given = pm_yaml_get(item, "given");
         if (!pm_yaml_is_map(item)) {
             PM_TRY(read_formula(item, r, &formula[potential->nformula++]));

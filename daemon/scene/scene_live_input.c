@@ -85,7 +85,7 @@ static pm_status read_message(pm_scene_reader *r, pm_yaml list, pm_scene_live_in
     int64_t offset = PM_LIVE_HEAD;
     PM_TRY(pm_yaml_texts(list, r->arena, &count, &text));
     for (int i = 0; i < count; ++i) {
-        const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
+        const pm_yaml at = pm_yaml_item_or_self(list, i);
         char name[64];
         int type_id = 0, items = 0;
         PM_TRY(read_field(at, text[i], &type_id, name, &items));

@@ -157,18 +157,13 @@ pm_status pm_scene_expand(pm_scene_reader *r, pm_yaml at, const char *text, cons
 
 // --- lists ---
 
-// Returns entry i of a list, or the value itself if it is no list.
-static pm_yaml item_of(pm_yaml list, int i) {
-    return pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
-}
-
 pm_status pm_scene_visit_members(pm_scene_reader *r, pm_yaml list, pm_scene_member_visit *visit,
                                  int number) {
     int count;
     const char **text;
     PM_TRY(pm_yaml_texts(list, r->arena, &count, &text));
     for (int i = 0; i < count; ++i) {
-        const pm_yaml at = item_of(list, i);
+        const pm_yaml at = pm_yaml_item_or_self(list, i);
         pm_scene_range range;
         PM_TRY(pm_scene_parse_range(r, at, text[i], &range));
         for (int k = 0; k < range.total; ++k) {
@@ -195,7 +190,7 @@ pm_status pm_scene_read_columns(pm_scene_reader *r, pm_yaml list, int *count,
     PM_TRY(pm_scene_check_memory(r));
     *count = 0;
     for (int i = 0; i < nitem; ++i) {
-        const pm_yaml at = item_of(list, i);
+        const pm_yaml at = pm_yaml_item_or_self(list, i);
         const char *text;
         PM_TRY(pm_yaml_text(at, r->arena, &text));
         PM_TRY(pm_scene_expand(r, at, text, &text));
@@ -219,7 +214,8 @@ pm_status pm_scene_read_columns(pm_scene_reader *r, pm_yaml list, int *count,
     *result = named;
     for (int i = 0; i < nitem; ++i) {
         for (int k = 0; k < range[i].count; ++k, ++named) {
-            *named = (pm_scene_named){pm_name_range_text(&range[i], k, r->arena), item_of(list, i)};
+            *named = (pm_scene_named){pm_name_range_text(&range[i], k, r->arena),
+                                      pm_yaml_item_or_self(list, i)};
         }
     }
     return pm_scene_check_memory(r);

@@ -853,7 +853,7 @@ static pm_status read_exposed(pm_scene_reader *r, pm_scene_port *port, int end, 
         .group = pm_arena_array(r->arena, (size_t)whole->ngroup, sizeof *layout->group)};
     PM_TRY(pm_scene_check_memory(r));
     for (int i = 0; i < count; ++i) {
-        const pm_yaml at = pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
+        const pm_yaml at = pm_yaml_item_or_self(list, i);
         const pm_group *group = pm_layout_find(whole, name[i]);
         if (group == NULL) {
             char names[MAX_MESSAGE];

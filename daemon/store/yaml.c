@@ -157,6 +157,10 @@ pm_yaml pm_yaml_item(pm_yaml list, int i) {
     return sibling_of(list, node_of(list)->data.sequence.items.start[i]);
 }
 
+pm_yaml pm_yaml_item_or_self(pm_yaml value, int i) {
+    return pm_yaml_is_list(value) ? pm_yaml_item(value, i) : value;
+}
+
 void pm_yaml_entry(pm_yaml map, int i, pm_yaml *key, pm_yaml *value) {
     const yaml_node_pair_t *pair = &node_of(map)->data.mapping.pairs.start[i];
     *key = sibling_of(map, pair->key);
@@ -317,17 +321,13 @@ static pm_status open_list(pm_yaml list, const char *what, pm_arena *arena, size
     return pm_arena_status(arena, "a list of a YAML document");
 }
 
-static pm_yaml list_entry(pm_yaml list, int i) {
-    return pm_yaml_is_list(list) ? pm_yaml_item(list, i) : list;
-}
-
 pm_status pm_yaml_doubles(pm_yaml list, pm_arena *arena, int *count, double **result) {
     int n;
     void *memory;
     PM_TRY(open_list(list, "a list of numbers", arena, sizeof(double), &n, &memory));
     double *number = memory;
     for (int i = 0; i < n; ++i) {
-        PM_TRY(pm_yaml_double(list_entry(list, i), -INFINITY, INFINITY, &number[i]));
+        PM_TRY(pm_yaml_double(pm_yaml_item_or_self(list, i), -INFINITY, INFINITY, &number[i]));
     }
     *count = n;
     *result = number;
@@ -340,7 +340,7 @@ pm_status pm_yaml_ints(pm_yaml list, int low, int high, pm_arena *arena, int *co
     PM_TRY(open_list(list, "a list of whole numbers", arena, sizeof(int), &n, &memory));
     int *number = memory;
     for (int i = 0; i < n; ++i) {
-        PM_TRY(pm_yaml_int(list_entry(list, i), low, high, &number[i]));
+        PM_TRY(pm_yaml_int(pm_yaml_item_or_self(list, i), low, high, &number[i]));
     }
     *count = n;
     *result = number;
@@ -353,7 +353,7 @@ pm_status pm_yaml_texts(pm_yaml list, pm_arena *arena, int *count, const char **
     PM_TRY(open_list(list, "a list of names", arena, sizeof(char *), &n, &memory));
     const char **text = memory;
     for (int i = 0; i < n; ++i) {
-        PM_TRY(pm_yaml_text(list_entry(list, i), arena, &text[i]));
+        PM_TRY(pm_yaml_text(pm_yaml_item_or_self(list, i), arena, &text[i]));
     }
     *count = n;
     *result = text;

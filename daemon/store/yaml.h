@@ -55,6 +55,9 @@ pm_status pm_yaml_require_entries(pm_yaml map);
 int pm_yaml_count(pm_yaml value);
 // Returns entry i >= 0 of a list. The result is absent if it has no such entry or is no list.
 pm_yaml pm_yaml_item(pm_yaml list, int i);
+// Does the same for a value that may stand for a list of one: returns the value itself if it is no
+// list.
+pm_yaml pm_yaml_item_or_self(pm_yaml value, int i);
 // Gives key (a scalar) and value of entry i of a mapping, in the order of the file.
 void pm_yaml_entry(pm_yaml map, int i, pm_yaml *key, pm_yaml *value);
 
