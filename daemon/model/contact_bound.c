@@ -114,16 +114,9 @@ static bool bound_step(pm_graph *g, const pm_step *s, const pm_symbols *symbols,
         }
         *result = add_rounding(g, *result, pm_magnitude(g, pm_mul(g, value[s->a], value[s->b])));
         return true;
-    case PM_STEP_DIVIDE:
-    case PM_STEP_EXP:
-    case PM_STEP_LN:
-    case PM_STEP_SQRT:
-    case PM_STEP_SIN:
-    case PM_STEP_COS:
-    case PM_STEP_NEGATIVE_SQUARED:
-        break;
+    default:
+        return spread[s->a] == PM_NO_NODE && spread[s->b] == PM_NO_NODE;
     }
-    return spread[s->a] == PM_NO_NODE && spread[s->b] == PM_NO_NODE;
 }
 
 // Returns x and its spread for a formula that is such a sum; the spread is PM_NO_NODE if x does not

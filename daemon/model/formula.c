@@ -52,32 +52,23 @@ static pm_status add_step(formula_reader *r, pm_step s, int *result) {
     return PM_OK;
 }
 
+// The functions of one number, by the kind of their steps: name, value and graph.
+static const struct {
+    const char *name;
+    double (*compute)(double x);
+    pm_node (*build)(pm_graph *g, pm_node x);
+} functions[] = {[PM_STEP_EXP] = {"exp", exp, pm_exp},
+                 [PM_STEP_LN] = {"ln", log, pm_log},
+                 [PM_STEP_SQRT] = {"sqrt", sqrt, pm_sqrt},
+                 [PM_STEP_SIN] = {"sin", sin, pm_sin},
+                 [PM_STEP_COS] = {"cos", cos, pm_cos}};
+
 static double compute(pm_step_kind kind, double a, double b) {
-    switch (kind) {
-    case PM_STEP_ADD:
-        return a + b;
-    case PM_STEP_SUBTRACT:
-        return a - b;
-    case PM_STEP_MULTIPLY:
-        return a * b;
-    case PM_STEP_DIVIDE:
-        return a / b;
-    case PM_STEP_EXP:
-        return exp(a);
-    case PM_STEP_LN:
-        return log(a);
-    case PM_STEP_SQRT:
-        return sqrt(a);
-    case PM_STEP_SIN:
-        return sin(a);
-    case PM_STEP_COS:
-        return cos(a);
-    case PM_STEP_NUMBER:
-    case PM_STEP_FEATURE:
-    case PM_STEP_NEGATIVE_SQUARED:
-        break;
-    }
-    return NAN;
+    return kind == PM_STEP_ADD        ? a + b
+           : kind == PM_STEP_SUBTRACT ? a - b
+           : kind == PM_STEP_MULTIPLY ? a * b
+           : kind == PM_STEP_DIVIDE   ? a / b
+                                      : functions[kind].compute(a);
 }
 
 // Adds an operation. An operation on two numbers becomes a number.
@@ -208,19 +199,11 @@ static pm_status read_named(formula_reader *r, int *result) {
     pm_step s = {.kind = PM_STEP_FEATURE};
     PM_TRY(read_name(r, s.feature));
     if (take(r, '(')) {
-        static const struct {
-            const char *name;
-            pm_step_kind kind;
-        } functions[] = {{"exp", PM_STEP_EXP},
-                         {"ln", PM_STEP_LN},
-                         {"sqrt", PM_STEP_SQRT},
-                         {"sin", PM_STEP_SIN},
-                         {"cos", PM_STEP_COS}};
-        for (size_t i = 0; i < sizeof functions / sizeof *functions; ++i) {
-            if (strcmp(s.feature, functions[i].name) == 0) {
+        for (int kind = PM_STEP_EXP; kind <= PM_STEP_COS; ++kind) {
+            if (strcmp(s.feature, functions[kind].name) == 0) {
                 int argument = 0;
                 PM_TRY(read_bracket(r, &argument));
-                return add_operation(r, functions[i].kind, argument, argument, result);
+                return add_operation(r, (pm_step_kind)kind, argument, argument, result);
             }
         }
         return pm_fail(
@@ -421,22 +404,13 @@ static pm_node build_step(pm_graph *g, const pm_step *s, const pm_symbols *symbo
         return pm_mul(g, value[s->a], value[s->b]);
     case PM_STEP_DIVIDE:
         return pm_div(g, value[s->a], value[s->b]);
-    case PM_STEP_EXP:
-        return pm_exp(g, value[s->a]);
-    case PM_STEP_LN:
-        return pm_log(g, value[s->a]);
     case PM_STEP_NEGATIVE_SQUARED: {
         const pm_node negative = pm_mul(g, value[s->a], pm_is_negative(g, value[s->a]));
         return pm_dot(g, negative, negative);
     }
-    case PM_STEP_SIN:
-        return pm_sin(g, value[s->a]);
-    case PM_STEP_COS:
-        return pm_cos(g, value[s->a]);
-    case PM_STEP_SQRT:
-        break;
+    default:
+        return functions[s->kind].build(g, value[s->a]);
     }
-    return pm_sqrt(g, value[s->a]);
 }
 
 void pm_formula_build_steps(pm_graph *g, const pm_formula_steps *steps, const pm_symbols *symbols,

@@ -15,7 +15,7 @@ typedef enum pm_step_kind {
     PM_STEP_SUBTRACT,
     PM_STEP_MULTIPLY,
     PM_STEP_DIVIDE,
-    PM_STEP_EXP,
+    PM_STEP_EXP, // the functions of one number, up to PM_STEP_COS
     PM_STEP_LN,
     PM_STEP_SQRT,
     PM_STEP_SIN,
