@@ -352,12 +352,11 @@ int portmet_scene_interrupt_after(portmet_scene *scene, double seconds) {
 }
 
 int portmet_scene_wait(portmet_scene *scene) {
-    if (enter(scene) != PM_OK) {
-        return PORTMET_EUSAGE;
-    }
-    return leave(scene, scene->remote != NULL
-                            ? pm_remote_scene_wait(scene->remote)
-                            : pm_fail(PM_EUSAGE, "scene %s is stepped here", scene_name(scene)));
+    return enter(scene) != PM_OK
+               ? PORTMET_EUSAGE
+               : leave(scene, scene->remote != NULL ? pm_remote_scene_wait(scene->remote)
+                                                    : pm_fail(PM_EUSAGE, "scene %s is stepped here",
+                                                              scene_name(scene)));
 }
 
 int64_t portmet_scene_steps(const portmet_scene *scene) {
@@ -430,42 +429,36 @@ const char *portmet_scene_name(const portmet_scene *scene, int kind, size_t inde
                    : name_of(remote->names[kind], remote->nname[kind], index);
     }
     const pm_scene *s = scene->setup.scene;
+    const pm_physics *physics = &s->physics;
     const pm_scene_variables *v = &scene->variables;
-    switch (kind) {
-    case PORTMET_SUBSYSTEM:
-        return index < (size_t)s->physics.nsubsystem ? s->physics.subsystem[index].name : NULL;
-    case PORTMET_VARIABLE:
-        return name_of(v->state.name, s->physics.nz, index);
-    case PORTMET_VARIABLE_UNIT:
-        return name_of(v->state.unit, s->physics.nz, index);
-    case PORTMET_PORT:
-    case PORTMET_PORT_A:
-    case PORTMET_PORT_B:
-        return index >= (size_t)s->physics.nport ? NULL
-               : kind == PORTMET_PORT
-                   ? s->physics.port[index].name
-                   : pm_scene_end_name(s, &s->physics.port[index], kind == PORTMET_PORT_B);
-    case PORTMET_INPUT:
-        return name_of(v->input.name, s->physics.nprescribed, index);
-    case PORTMET_INPUT_UNIT:
-        return name_of(v->input.unit, s->physics.nprescribed, index);
-    case PORTMET_REFERENCE:
-        return name_of(&s->run.reference, 1, index);
-    case PORTMET_SCENE:
-        return name_of(&s->name, 1, index);
-    case PORTMET_COENERGY_NAME:
-        return name_of(v->slope[0].name, s->physics.nz, index);
-    case PORTMET_COENERGY_UNIT:
-        return name_of(v->slope[0].unit, s->physics.nz, index);
-    case PORTMET_REACTION:
-        return name_of(v->reaction.name, s->physics.nprescribed / 3, index);
-    case PORTMET_REACTION_UNIT:
-        return name_of(v->reaction.unit, s->physics.nprescribed / 3, index);
-    case PORTMET_WEIGHT:
-        return name_of(scene->weight, scene->nweight, index);
-    default:
-        return NULL;
+    const int nz = physics->nz, ninput = physics->nprescribed;
+    if (kind == PORTMET_SUBSYSTEM) {
+        return index < (size_t)physics->nsubsystem ? physics->subsystem[index].name : NULL;
     }
+    if (kind == PORTMET_PORT || kind == PORTMET_PORT_A || kind == PORTMET_PORT_B) {
+        return index >= (size_t)physics->nport ? NULL
+               : kind == PORTMET_PORT
+                   ? physics->port[index].name
+                   : pm_scene_end_name(s, &physics->port[index], kind == PORTMET_PORT_B);
+    }
+    const struct {
+        const char *const *name;
+        int count;
+    } names[] = {
+        [PORTMET_VARIABLE] = {v->state.name, nz},
+        [PORTMET_VARIABLE_UNIT] = {v->state.unit, nz},
+        [PORTMET_INPUT] = {v->input.name, ninput},
+        [PORTMET_INPUT_UNIT] = {v->input.unit, ninput},
+        [PORTMET_REFERENCE] = {&s->run.reference, 1},
+        [PORTMET_SCENE] = {&s->name, 1},
+        [PORTMET_COENERGY_NAME] = {v->slope[0].name, nz},
+        [PORTMET_COENERGY_UNIT] = {v->slope[0].unit, nz},
+        [PORTMET_REACTION] = {v->reaction.name, ninput / 3},
+        [PORTMET_REACTION_UNIT] = {v->reaction.unit, ninput / 3},
+        [PORTMET_WEIGHT] = {scene->weight, scene->nweight},
+    };
+    return kind < 0 || kind > PORTMET_WEIGHT ? NULL
+                                             : name_of(names[kind].name, names[kind].count, index);
 }
 
 // --- recording ---
