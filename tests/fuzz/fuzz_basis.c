@@ -1,19 +1,11 @@
 // Any bytes must read as a basis with which a body can be reconstructed, or be refused with a
 // one-line error. Only bytes that pass store/hdf5_check.h reach the reader; all others are refused
 // before.
-#include <stdlib.h>
 #include <string.h>
 
 #include "bodies/modal/basis.h"
 #include "bytes_file.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
+#include "tests/fuzz/target.h"
 
 static double *ones(size_t count) {
     double *value = malloc((count + 1) * sizeof *value);

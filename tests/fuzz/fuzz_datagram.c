@@ -1,24 +1,16 @@
 // Passes any datagrams in any order, from two senders, through the steps of the receiver: parsing,
 // reassembly, dispatch by channel, check of the seal, decoding. In the input each datagram is
 // preceded by its length (two bytes) and its sender (one byte).
-#include <stdint.h>
 
 // The way from a datagram to its handler is private to the receiver.
+#include "tests/fuzz/target.h"
 #include "transport/transport_lcm.c"
 
 #include "lockstep/codec.h"
 #include "transport/seal.h"
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
 static const char *const channels[] = {"s_TICK", "s_FLUX_a", "s_FLUX_a", "s_REPORT_ab", "s"};
 #define CHANNELS (int)(sizeof channels / sizeof channels[0])
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 static void listen_to(void *context, const char *channel, const void *data, size_t size) {
     pm_seal *seal = context;

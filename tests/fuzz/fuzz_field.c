@@ -3,21 +3,13 @@
 // Only bytes that pass store/hdf5_check.h are tried: field.c opens other files in a child process,
 // since the HDF5 library crashes on some of them.
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "bodies/field/field.h"
 #include "bytes_file.h"
 #include "store/hdf5_io.h"
 #include "store/solid_mesh.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
+#include "tests/fuzz/target.h"
 
 static void check_finite(const double *value, size_t count) {
     for (size_t i = 0; value != NULL && i < count; ++i) {

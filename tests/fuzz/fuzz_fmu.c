@@ -1,19 +1,11 @@
 // Any bytes must be refused as the state of an FMU, or be one from which it goes on. The bytes are
 // tried unchanged; and as changes to the first state, with a valid checksum, since random bytes
 // would hardly be a state.
-#include <stdlib.h>
 #include <string.h>
 
 // The FMU of a shipped scene, as `portmetd export` writes it.
 #include "fmi3.c"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
+#include "tests/fuzz/target.h"
 
 static void try_state(fmi3Instance i, const uint8_t *data, size_t size) {
     static const fmi3ValueReference energy = FIRST_ENERGY;

@@ -1,21 +1,13 @@
 // Any bytes must read as weights of a part or of a port or as a dataset, or be refused with a
 // one-line error. Datasets are tried only if the bytes pass store/hdf5_check.h: dataset.c opens
 // other files in a child process, since the HDF5 library crashes on some of them.
-#include <stdlib.h>
 #include <string.h>
 
 #include "bytes_file.h"
 #include "scene/weights.h"
 #include "store/dataset.h"
 #include "store/hdf5_io.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
+#include "tests/fuzz/target.h"
 
 static void check_status(pm_status status) {
     check(status == PM_OK || (pm_error()[0] != '\0' && strchr(pm_error(), '\n') == NULL));

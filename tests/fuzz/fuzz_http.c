@@ -7,16 +7,9 @@
 
 // The connections arrive through the library's own door for sockets that others have accepted.
 #include "app/view_server.c"
+#include "tests/fuzz/target.h"
 
 #define MOST_TURNS 100 // of the server for a connection
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 // Each client is sent two messages.
 static bool next_message(void *context, pm_view_progress *progress, FILE *file) {

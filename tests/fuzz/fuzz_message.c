@@ -2,17 +2,14 @@
 // bytes. The first byte of the input chooses one of pm_wire_types, the second one the size of its
 // arrays.
 #include <stdbool.h>
-#include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lockstep/codec.h"
+#include "tests/fuzz/target.h"
 
 #define LARGEST_COUNT 7
 #define ARRAYS 24 // of a message, at most
 #define FINGERPRINT 8
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 // A message of any type.
 typedef union any_message {
@@ -29,12 +26,6 @@ typedef union any_message {
     portmet_control_t control;
     portmet_control_reply_t control_reply;
 } any_message;
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 // Gives a message arrays of `count` numbers each in memory of their own, so that a write beyond any
 // end is seen.

@@ -2,8 +2,6 @@
 // model that was read must be written as text that reads back to the same text. If its parameters
 // can be declared, all its graphs must build.
 #include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "graph/program.h"
@@ -11,17 +9,10 @@
 #include "model/part.h"
 #include "model/port.h"
 #include "scene/model_reader.h"
+#include "tests/fuzz/target.h"
 
 // Models with more than this many numbers are legal, but too slow to try.
 #define LARGEST_MODEL 20000
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 static const pm_layout layout = {3,
                                  (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},

@@ -4,24 +4,16 @@
 // given the fingerprint of their type, and replies the number of the request that they answer,
 // which random changes would hardly find.
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lockstep/listener.h"
 #include "lockstep/remote.h"
 #include "small_scene.h"
+#include "tests/fuzz/target.h"
 #include "transport/transport_table.h"
 
 #define MOST_CHANNELS 8
 #define REQUESTS 3 // of a client, after it has the description
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 // A transport on which the input arrives, one message at a time.
 typedef struct source {

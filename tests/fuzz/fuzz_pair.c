@@ -1,10 +1,7 @@
 // Feeds forged messages into a running pair of nodes and its coordinator (forged_pair.h). The input
 // is a list of forgeries: when, which message, and what is changed in it.
-#include <stdlib.h>
-
 #include "tests/fuzz/forged_pair.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+#include "tests/fuzz/target.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     forged_figures figures = {.runs = 0};

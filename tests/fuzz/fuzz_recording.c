@@ -7,6 +7,7 @@
 
 // How a view reads a recording is private to it.
 #include "app/command_view.c"
+#include "tests/fuzz/target.h"
 
 #include "bytes_file.h"
 #include "scene/live_replay.h"
@@ -14,14 +15,6 @@
 #include "study/recordings.h"
 
 #define SAMPLES 2 // with which a run would go on
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 static pm_status check_status(pm_status status) {
     check(status == PM_OK || (pm_error()[0] != '\0' && strchr(pm_error(), '\n') == NULL));

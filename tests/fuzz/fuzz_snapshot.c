@@ -2,23 +2,15 @@
 // without changing the results. The bytes are tried unchanged, and again with a valid digest at
 // their end, since random changes would hardly find it.
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/digest.h"
 #include "bytes_file.h"
 #include "store/snapshot.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+#include "tests/fuzz/target.h"
 
 #define MAGIC_SIZE 24
 #define MOST_VALUES 3
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 static void try_snapshot(void) {
     for (int count = 0; count <= MOST_VALUES; ++count) {

@@ -4,23 +4,15 @@
 #include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/status.h"
 #include "bytes_file.h"
+#include "tests/fuzz/target.h"
 
 #define LINE 4096 // bytes of an answer
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
 
 typedef struct reader {
     pid_t pid; // 0: it does not run

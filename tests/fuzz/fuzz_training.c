@@ -1,19 +1,11 @@
 // Any text must read as a training file and as a truth file, or fail with a one-line error. The
 // text is written to PM_FUZZ_FILE, in a folder from which it can refer to the shipped scenes.
-#include <stdlib.h>
 #include <string.h>
 
 #include "bodies/bodies.h"
 #include "bytes_file.h"
 #include "fit/training.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(int holds) {
-    if (!holds) {
-        abort();
-    }
-}
+#include "tests/fuzz/target.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     bytes_file(data, size);

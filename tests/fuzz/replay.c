@@ -2,16 +2,14 @@
 // it as a test. It tries each seed unchanged, and then RUNS inputs made from the seeds by a few
 // random changes of a fixed seed.
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "base/rng.h"
+#include "tests/fuzz/target.h"
 
 #define LARGEST 131072 // bytes of an input
 #define MOST_CHANGES 8
 #define MOST_ZEROS 8 // that are passed over: in HDF5 most zeros are room that nothing uses
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static uint8_t seed[LARGEST], input[LARGEST];
 
