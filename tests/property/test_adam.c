@@ -1,16 +1,11 @@
 // Adam with decay: what it takes from each weight, apart from the step along the gradient.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define COUNT 40
 #define NZ 10

@@ -2,16 +2,11 @@
 // with the truth simulator, also with steps of 0.3 s and growing conduction between them; friction
 // and conduction are compared with formulas.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "sim/monolithic.h"
+#include "tests/support/unit.h"
 #include "truth/chain.h"
 #include "truth/ode.h"
 
@@ -51,12 +46,6 @@ typedef struct pendula {
     pm_scene *scene;
     pm_system *system;
 } pendula;
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 static const pm_chain_link two_links[] = {{.mass = 1, .C = 0.027, .l0 = 2, .b = 0.0869, .c = 5.08},
                                           {.mass = 2, .C = 0.192, .l0 = 1, .b = 0.0869, .c = 5.08}};

@@ -1,20 +1,15 @@
 // Subsystems that are evaluated together, in blocks of many lanes, have the bits, fluxes and counts
 // that each has in a process of its own.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "sim/monolithic.h"
 #include "sim/step_controller.h"
 #include "tests/support/divided.h"
+#include "tests/support/unit.h"
 
 #define SEED 1807u
 #define NZ 5
@@ -31,12 +26,6 @@ typedef struct subject {
     pm_system *system;
     double z[MOST_LINKS * NZ];
 } subject;
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 // Joints of a tangled chain beside those between neighbours. Each link has several joints, whose
 // sum depends on the order, and the groups of joints with equal weights take turns.

@@ -1,20 +1,15 @@
 // Subsystems with boundary inputs: their ports obey the same laws as all ports, a boundary input
 // acts like a neighbour with the same values, and the trainer computes the same steps.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "loss/loss_graph.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define NZ 10
 #define PART_NZ 5
@@ -61,7 +56,7 @@ typedef struct boundary_inputs {
     pm_ledger ledger;
 } boundary_inputs;
 
-static void require(const boundary_inputs *l, pm_status status) {
+static void require_for(const boundary_inputs *l, pm_status status) {
     if (status != PM_OK) {
         random_system_fail(&l->w, "%s", pm_error());
     }
@@ -103,16 +98,17 @@ static void open(boundary_inputs *l, uint64_t seed, const char *integrator, doub
     l->w.scene->physics.integrator = pm_integrator_find(integrator);
     l->w.scene->physics.substeps = strcmp(integrator, "euler") == 0 ? 1 : 2;
     l->w.scene->physics.dt = dt;
-    require(l, pm_dataset_new(&l->data, 1, NTIME, NCOLUMN, dt * stride, columns));
+    require_for(l, pm_dataset_new(&l->data, 1, NTIME, NCOLUMN, dt * stride, columns));
     for (int j = 0; j < NTIME; ++j) {
         for (int k = 0; k < NCOLUMN; ++k) {
             const double phase = 0.7 * k + (3 + k) * l->data->t[j];
             pm_dataset_state(l->data, 0, j)[k] = 0.5 * sin(phase) + (k == 5 ? 1 : 0);
         }
     }
-    require(l, pm_boundary_input_bind(&l->boundary_input, l->w.scene, l->data, stride, &l->arena));
+    require_for(l,
+                pm_boundary_input_bind(&l->boundary_input, l->w.scene, l->data, stride, &l->arena));
     pm_boundary_input_follow(&l->boundary_input, l->data, 0);
-    require(l, pm_monolithic_open(&l->assembly, l->w.system));
+    require_for(l, pm_monolithic_open(&l->assembly, l->w.system));
     pm_monolithic_set_boundary_input(l->assembly, &l->boundary_input);
     pm_monolithic_set_state(l->assembly, l->w.z);
     pm_ledger_init(&l->ledger, l->w.system);
@@ -127,7 +123,7 @@ static void close(boundary_inputs *l) {
 
 static void book(boundary_inputs *l) {
     pm_sample sample = *pm_monolithic_sample(l->assembly);
-    require(l, pm_ledger_add_sample(&l->ledger, &sample));
+    require_for(l, pm_ledger_add_sample(&l->ledger, &sample));
     random_system_check(&l->w, "the sample's random_system", sample.outside_energy,
                         l->ledger.outside_energy, 0);
 }
@@ -135,7 +131,7 @@ static void book(boundary_inputs *l) {
 static void run(boundary_inputs *l) {
     book(l);
     for (long i = 0; i < l->boundary_input.end; ++i) {
-        require(l, pm_monolithic_step(l->assembly));
+        require_for(l, pm_monolithic_step(l->assembly));
         book(l);
     }
 }
@@ -323,14 +319,14 @@ static void trainer_takes_the_same_steps(void **state) {
         pm_graph *g = NULL;
         pm_program *program = NULL;
         pm_loss_nodes nodes;
-        require(&l, pm_graph_open(&g));
-        require(&l, pm_loss_graph_build(g, l.w.system, &samples, &loss, &nodes));
-        require(&l, pm_program_open(&program, g, 1, &nodes.residual, 1));
+        require_for(&l, pm_graph_open(&g));
+        require_for(&l, pm_loss_graph_build(g, l.w.system, &samples, &loss, &nodes));
+        require_for(&l, pm_program_open(&program, g, 1, &nodes.residual, 1));
         fill_window(&l, &samples, pm_program_value(program, nodes.input));
         pm_program_run(program, 1);
         trained = pm_program_value(program, nodes.residual);
         for (int step = 0; step < 2; ++step) {
-            require(&l, pm_monolithic_step(l.assembly));
+            require_for(&l, pm_monolithic_step(l.assembly));
             const double *served = pm_monolithic_sample(l.assembly)->z;
             for (int i = 0; i < NZ; ++i) {
                 random_system_check(&l.w, "state", trained[step * NZ + i], served[i],

@@ -1,14 +1,8 @@
 // States that hold co-energies: they move as the same system in energy variables does, their books
 // balance, the trainer takes the same steps, and all divisions of a scene have the same bits.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "graph/program.h"
@@ -18,6 +12,7 @@
 #include "sim/step_graph.h"
 #include "tests/support/divided.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 // --- a pendulum that heats itself and two bodies ---
 
@@ -65,12 +60,6 @@ typedef struct subject {
     pm_ledger ledger;
 } subject;
 
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
-
 static void open_subject(subject *s, const char *text, const double *z) {
     *s = (subject){0};
     require(pm_scene_parse(&s->scene, text, "scene.yaml"));
@@ -100,12 +89,6 @@ static void to_energy_variables(const double *y, double *x) {
     x[4] = 2 * log(y[4] / 300);
 }
 
-static void check(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
-
 static void both_kinds_of_variables_move_alike(void **state) {
     (void)state;
     subject momenta, velocities;
@@ -126,21 +109,21 @@ static void both_kinds_of_variables_move_alike(void **state) {
         const pm_sample *b = pm_monolithic_sample(velocities.simulation);
         to_energy_variables(b->z, x);
         for (int i = 0; i < NZ; ++i) {
-            check("state", x[i], a->z[i], 1e-9);
+            assert_near("state", x[i], a->z[i], 1e-9);
         }
         for (int end = 0; end < 2; ++end) {
-            check("energy flux", b->flux[0][end].energy, a->flux[0][end].energy, 1e-7);
-            check("entropy flux", b->flux[0][end].entropy, a->flux[0][end].entropy, 1e-9);
+            assert_near("energy flux", b->flux[0][end].energy, a->flux[0][end].energy, 1e-7);
+            assert_near("entropy flux", b->flux[0][end].entropy, a->flux[0][end].entropy, 1e-9);
         }
         for (int i = 0; i < 2; ++i) {
-            check("energy", b->energy[i], a->energy[i], 1e-7);
-            check("entropy", b->entropy[i], a->entropy[i], 1e-9);
+            assert_near("energy", b->energy[i], a->energy[i], 1e-7);
+            assert_near("entropy", b->entropy[i], a->entropy[i], 1e-9);
         }
     }
     // Both laws: no port loses energy, the drift is the error of the method alone.
-    check("energy residual", velocities.ledger.worst_energy, 0, 1e-14);
-    check("entropy residual", velocities.ledger.worst_entropy, 0, 1e-14);
-    check("total energy", velocities.ledger.energy, energy, 1e-8 * energy);
+    assert_near("energy residual", velocities.ledger.worst_energy, 0, 1e-14);
+    assert_near("entropy residual", velocities.ledger.worst_entropy, 0, 1e-14);
+    assert_near("total energy", velocities.ledger.energy, energy, 1e-8 * energy);
     assert_true(velocities.ledger.violations == 0);
     assert_true(fabs(pm_monolithic_sample(velocities.simulation)->z[1] - shown[1]) > 0.1);
     close_subject(&momenta);
@@ -276,7 +259,7 @@ static void capacities_and_inertias_are_as_the_pages_say(void **state) {
             weights += weight;
         }
         const double expected = exp(capacity[4 + c]) * sum / weights;
-        check("heat capacity T ds/dT", T[c] * slope[c], expected, 1e-13 * expected);
+        assert_near("heat capacity T ds/dT", T[c] * slope[c], expected, 1e-13 * expected);
     }
     // typical lengths of both groups, and the entries of A below the known first one
     static const double inertia[] = {2, 5, 0.3, 0.4, -0.4, 0.6, -0.35};
@@ -294,8 +277,8 @@ static void capacities_and_inertias_are_as_the_pages_say(void **state) {
                 momentum += A[i][k] * A[j][k] * y[j];
             }
         }
-        check("momentum", x[i], momentum, 1e-13);
-        check("inertia", slope[i], own, 1e-13);
+        assert_near("momentum", x[i], momentum, 1e-13);
+        assert_near("inertia", slope[i], own, 1e-13);
     }
 }
 

@@ -2,10 +2,6 @@
 // cache of compiled code gives back nothing but what was put there.
 #include <ftw.h>
 #include <glob.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,11 +9,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "library/fleet.h"
 #include "library/local_run.h"
 #include "tests/support/row_of_bodies.h"
+#include "tests/support/unit.h"
 
 static char cache[] = "/tmp/portmet-test-XXXXXX";
 static char folder[64];

@@ -1,20 +1,15 @@
 // Contact: the law conserves power for any matrix; bodies that meet in a gap obey the laws of
 // collisions; an open gap is not evaluated.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "graph/program.h"
 #include "model/port.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
+#include "tests/support/unit.h"
 
 #define MOST 8 // components at one end
 
@@ -149,12 +144,6 @@ typedef struct scene {
     pm_monolithic *assembly;
     pm_ledger ledger;
 } scene;
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 static void book(scene *s) {
     pm_sample sample = *pm_monolithic_sample(s->assembly);

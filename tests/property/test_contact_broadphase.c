@@ -1,14 +1,8 @@
 // The bounding test of contact: all points of a box are open; a rollout has the same bits with and
 // without boxes, and evaluates far less; derived variables equal the same expressions written out.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "model/contact_bound.h"
@@ -17,6 +11,7 @@
 #include "sim/contact_broadphase.h"
 #include "sim/monolithic.h"
 #include "tests/support/divided.h"
+#include "tests/support/unit.h"
 
 // A body swings in the plane above a bumpy floor that creeps, 0.5 to 0.7 m below it. The gap
 // between them has the travel x [2], the creep [3] and the entropy s. `OTHER` is one more summand
@@ -67,12 +62,6 @@ static const char written_out[] =
           "      - \"k/2*|min(0.7 - 0.1*x[0] + 0.9*x[1] + creep[2]\n"
           "          + (0.9*x[0] + 0.1*x[1])*(0.1*x[0] + 0.1*x[1] - 0.01), 0)|^2\"\n",
           "x");
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 typedef struct run {
     pm_scene *scene;

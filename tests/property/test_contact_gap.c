@@ -2,16 +2,11 @@
 // times as stiff as, the iteration finds the state at which bodies and gap agree in 99 % of all
 // steps; energy is conserved and the heat is never negative, whatever the gap's energy.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "sim/contact_gap.h"
+#include "tests/support/unit.h"
 
 #define N 12 // pairs of points
 #define STIFFNESS 1e6

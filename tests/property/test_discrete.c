@@ -1,18 +1,13 @@
 // Discrete gradients: they satisfy their defining equation, a step conserves energy and lets
 // entropy grow, and stiff heat exchange is stable.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define WORLDS 40
 #define NZ 5

@@ -2,15 +2,9 @@
 // own rates fulfil it, and it shows the voltages of capacitors whose currents depend on differences
 // of voltages.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "fit/normalization.h"
 #include "fit/start.h"
@@ -18,6 +12,7 @@
 #include "loss/objective.h"
 #include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
+#include "tests/support/unit.h"
 
 #define NZ 3
 #define NTRAJECTORY 8

@@ -3,20 +3,15 @@
 // rested, or were saved and restored. Derivatives of their rollouts (library/fleet_gradient.h)
 // agree with differences and with each other, and do not depend on other copies.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "library/fleet_gradient.h"
 #include "library/local_run.h"
 #include "tests/support/row_of_bodies.h"
+#include "tests/support/unit.h"
 
 #define NZ 15
 #define BODIES 3

@@ -1,16 +1,11 @@
 // Compares the first and second derivatives of every operation with central finite differences, for
 // random numbers, and checks that memory planning does not change results.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "graph/program.h"
+#include "tests/support/unit.h"
 
 #define SEED 20230807u
 #define BATCH 3

@@ -1,18 +1,13 @@
 // Batches in which samples with large residuals are more likely: the probabilities, and that the
 // expected gradient stays that of all samples. The penalty on large weights and its gradient.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "optimise/importance.h"
 #include "optimise/normal_equations.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define COUNT 60
 #define WANTED 20

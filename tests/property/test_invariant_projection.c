@@ -2,17 +2,12 @@
 // The totals therefore conserve energy and never lose entropy, to rounding, for any kind of entropy
 // and any step.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/invariant_projection.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define WORLDS 16
 #define STEPS 20

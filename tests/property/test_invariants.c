@@ -3,16 +3,11 @@
 // steps of several lengths: integrators that keep the energy by construction do so, or the ledger
 // counts the steps on which their iteration did not converge.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
+#include "tests/support/unit.h"
 
 #define STEPS 1000
 // Relative; what rk4 leaves at the scene's substeps from starts that pass no centre within 0.2 m.

@@ -5,15 +5,9 @@
 #include <glob.h>
 #include <limits.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "model/operator.h"
@@ -22,6 +16,7 @@
 #include "sim/monolithic.h"
 #include "tests/support/balance.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define WORLDS 300
 #define BATCH 4

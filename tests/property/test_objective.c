@@ -1,20 +1,15 @@
 // The loss of the trainer: its gradient, its normal equations, and equal bits for any order of its
 // threads.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "optimise/normal_equations.h"
 #include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define COUNT 150 // samples: several chunks of each lane, and a rest
 #define UNROLL 2

@@ -2,16 +2,11 @@
 // the gradient of the loss is the opposite of that of the penalty, for samples of single steps. For
 // windows of several steps there is no penalty, and the gradient of the loss is zero.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 #include "optimise/optimiser.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define COUNT 60
 #define MOST_STEPS 3

@@ -1,20 +1,15 @@
 // Laws of rollouts: rotated states give rotated rollouts, every integrator has its order, and the
 // step of the trainer equals that of the simulation.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "fit/normalization.h"
 #include "graph/program.h"
 #include "sim/monolithic.h"
 #include "sim/step_graph.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define NZ 10
 #define MAX_NZ 32

@@ -1,24 +1,12 @@
 // Bodies of learned material (model/solid/): with random weights, forces are the slope of the
 // stored energy, rotations change nothing, and both laws hold in steps of any length.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/linalg.h"
 #include "tests/support/solid_bar.h"
-
-// Fails unless a and b are at most `tolerance` apart.
-static void assert_near(double a, double b, double tolerance) {
-    if (!(fabs(a - b) <= tolerance)) {
-        fail_msg("found %.17g, expected %.17g within %g", a, b, tolerance);
-    }
-}
+#include "tests/support/unit.h"
 
 static void forces_are_the_slope_of_the_stored_energy(void **state) {
     (void)state;
@@ -39,7 +27,8 @@ static void forces_are_the_slope_of_the_stored_energy(void **state) {
                 energy[k] = pm_solid_books_of(b.solid)->stored;
             }
             u[i] = kept;
-            assert_near((energy[1] - energy[0]) / (2 * h), force[i], 1e-5 * (1 + fabs(force[i])));
+            assert_near("found", (energy[1] - energy[0]) / (2 * h), force[i],
+                        1e-5 * (1 + fabs(force[i])));
         }
         close_bar(&b);
     }
@@ -63,11 +52,11 @@ static void rotations_of_the_body_change_nothing(void **state) {
     }
     assert_true(pm_solid_set_state(b.solid, NULL, NULL));
     assert_true(pm_solid_follow(b.solid, 0.3, turned, also));
-    assert_near(pm_solid_books_of(b.solid)->stored, stored, 1e-10 * stored);
-    assert_near(pm_solid_books_of(b.solid)->heat, heat, 1e-10 * stored);
+    assert_near("found", pm_solid_books_of(b.solid)->stored, stored, 1e-10 * stored);
+    assert_near("found", pm_solid_books_of(b.solid)->heat, heat, 1e-10 * stored);
     for (int i = 0; i < NODES; ++i) {
-        assert_near(also[3 * i], c * force[3 * i] - s * force[3 * i + 1], 1e-8);
-        assert_near(also[3 * i + 1], s * force[3 * i] + c * force[3 * i + 1], 1e-8);
+        assert_near("found", also[3 * i], c * force[3 * i] - s * force[3 * i + 1], 1e-8);
+        assert_near("found", also[3 * i + 1], s * force[3 * i] + c * force[3 * i + 1], 1e-8);
     }
     close_bar(&b);
 }
@@ -95,7 +84,7 @@ static void both_laws_hold_for_all_weights_and_steps(void **state) {
         }
         const double stored = pm_solid_books_of(b.solid)->stored;
         assert_true(size > 0);
-        assert_near(stored + heat - work, 0, 1e-10 * (size + heat));
+        assert_near("found", stored + heat - work, 0, 1e-10 * (size + heat));
         total += heat;
         close_bar(&b);
     }
@@ -110,8 +99,8 @@ static void a_step_balances_the_forces(void **state) {
     shake(&b, 40, f);
     assert_int_equal(pm_solid_step(b.solid, 0.2, f), PM_OK);
     const double stored = pm_solid_books_of(b.solid)->stored;
-    assert_near(stored + pm_solid_books_of(b.solid)->heat, pm_solid_books_of(b.solid)->work,
-                1e-11 * stored);
+    assert_near("found", stored + pm_solid_books_of(b.solid)->heat,
+                pm_solid_books_of(b.solid)->work, 1e-11 * stored);
     double u[3 * NODES];
     memcpy(u, pm_solid_displacement(b.solid), sizeof u);
     assert_true(pm_solid_follow(b.solid, 0, u, force));
@@ -130,7 +119,7 @@ static void branches_relax_at_their_rates(void **state) {
         double u[3 * NODES] = {0};
         open_bar(&b, 2, 5, 0);
         const double rate[2] = {b.material.branch[0].rate, b.material.branch[1].rate};
-        assert_near(rate[1] / rate[0], exp(2), 1e-9);
+        assert_near("found", rate[1] / rate[0], exp(2), 1e-9);
         shake(&b, 1e-3, u);
         assert_true(pm_solid_follow(b.solid, 0, u, NULL));
         for (int k = 0; k < steps; ++k) {
@@ -143,7 +132,7 @@ static void branches_relax_at_their_rates(void **state) {
         assert_true(pm_solid_follow(b.solid, 1e6, u, NULL));
         for (int i = 0; i < 2 * PM_SYM; ++i) {
             const double share = 1 - exp(-0.8 * rate[i / PM_SYM]);
-            assert_near(gone[i], share * inner[i], 5e-3 * fabs(inner[i]) + 1e-6);
+            assert_near("found", gone[i], share * inner[i], 5e-3 * fabs(inner[i]) + 1e-6);
         }
         close_bar(&b);
     }

@@ -2,18 +2,13 @@
 // is conserved and the heat is never negative, with and without branches; a restored solid goes on
 // with the same bits.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "sim/solid_dynamics.h"
 #include "tests/support/solid_bar.h"
+#include "tests/support/unit.h"
 
 #define FORCES (3 * NODES)
 #define MOST_STATE (2 * FORCES + 2 * ELEMENTS * PM_BRICK_POINTS * PM_SYM + 1)

@@ -1,15 +1,10 @@
 // Substeps that follow the error: two pendula that pass close to the pivot of the upper one.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/monolithic.h"
 #include "sim/step_controller.h"
+#include "tests/support/unit.h"
 
 #define NZ 10
 #define STEPS 30
@@ -22,12 +17,6 @@ typedef struct outcome {
     long substeps;    // in all
     long least, most; // per step
 } outcome;
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 static outcome roll_out(const char *integrator, int substeps, double tolerance) {
     pm_scene *scene = NULL;

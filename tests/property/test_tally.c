@@ -1,18 +1,13 @@
 // Sums and tallies have the same bits however their numbers are ordered and divided, and a tally
 // finds the worst residuals that a plain loop finds.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "base/rng.h"
 #include "sim/tally.h"
+#include "tests/support/unit.h"
 
 #define SEED 1822u
 #define COUNT 1000

@@ -1,18 +1,13 @@
 // Thermal energies (model/thermal.h): temperatures and heat capacities are positive for all
 // weights, the common factor of temperatures offsets them, and discrete derivatives are exact.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "graph/program.h"
 #include "model/potential.h"
 #include "model/thermal.h"
+#include "tests/support/unit.h"
 
 #define TRIALS 200
 

@@ -1,17 +1,12 @@
 // The training range: which states it contains, that rotated states stay in it, and what a run
 // reports when a state leaves it.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/training_range.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define STEPS 20
 #define WORLDS 20

@@ -3,18 +3,13 @@
 // trajectory that is over.
 #include <limits.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "library/local_run.h"
 #include "tests/support/row_of_bodies.h"
+#include "tests/support/unit.h"
 
 #define SMALLEST 20 // powers of ten of the inputs that make a step fail
 #define LARGEST 308

@@ -1,21 +1,16 @@
 // Training does not depend on the units of columns and of time. From every start of every form, two
 // iterations change every block of weights (hidden layers change from the second iteration on).
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "fit/normalization.h"
 #include "fit/start.h"
 #include "loss/objective.h"
 #include "tests/support/runge_kutta.h"
 #include "tests/support/training.h"
+#include "tests/support/unit.h"
 
 #define NTRAJECTORY 6
 #define NTIME 30

@@ -1,17 +1,12 @@
 // Subsystems at rest are not evaluated, and this changes no bit. In a chain of five the first one
 // is disturbed, and the disturbance reaches one more subsystem with every exchange.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/monolithic.h"
 #include "tests/support/divided.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define COUNT 5
 #define NZ 4

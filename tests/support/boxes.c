@@ -1,14 +1,9 @@
 // Computes the positions and bricks of a box.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "tests/support/boxes.h"
+#include "tests/support/unit.h"
 
 static int node_of(const int count[3], int i, int j, int k) {
     return (k * (count[1] + 1) + j) * (count[0] + 1) + i;

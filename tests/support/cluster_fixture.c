@@ -1,12 +1,7 @@
 // Drives the state machines in virtual time.
 #include "tests/support/cluster_fixture.h"
+#include "tests/support/unit.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdio.h>
 #include <string.h>
 

@@ -1,21 +1,10 @@
 // Processes in one program: each has its subsystems and looks for the other side of its ports.
 #include "divided.h"
+#include "tests/support/unit.h"
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 
-#include <cmocka.h>
-
 #define MOST_EXPOSED 64 // components at one end of a port
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 static void new_division(divided *d, const pm_system *system, int count) {
     const size_t n = (size_t)system->scene->physics.nsubsystem;

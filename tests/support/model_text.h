@@ -3,16 +3,11 @@
 #ifndef PM_TESTS_MODEL_TEXT_H
 #define PM_TESTS_MODEL_TEXT_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/part.h"
 #include "scene/model_reader.h"
+#include "tests/support/unit.h"
 
 // Returns the spec of a part; it lives in the arena.
 static inline pm_part_spec part_of(const char *text, pm_arena *arena) {

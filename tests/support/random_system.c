@@ -1,16 +1,11 @@
 // Draws models as text, so that a failing model can be read and tried by hand.
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "scene/model_reader.h"
@@ -224,7 +219,7 @@ static void draw_scene(char *text, pm_rng *rng, int size) {
 
 // --- systems ---
 
-static void require(const random_system *w, pm_status status) {
+static void require_for(const random_system *w, pm_status status) {
     if (status != PM_OK) {
         random_system_fail(w, "%s", pm_error());
     }
@@ -247,9 +242,9 @@ static void make_part(random_system *w, int i) {
     pm_part *part = w->system->part[i];
     pm_yaml_document *document = NULL;
     pm_yaml block;
-    require(w, pm_yaml_parse(&document, w->part_text[i % 2], "part", &block));
-    require(w, pm_part_spec_read(block, (pm_yaml){0}, &w->system->arena, &part->spec));
-    require(w, pm_part_declare(part));
+    require_for(w, pm_yaml_parse(&document, w->part_text[i % 2], "part", &block));
+    require_for(w, pm_part_spec_read(block, (pm_yaml){0}, &w->system->arena, &part->spec));
+    require_for(w, pm_part_declare(part));
     pm_yaml_close(document);
     draw_params(&part->params, &w->rng);
 }
@@ -258,17 +253,17 @@ static void make_port(random_system *w, int i) {
     pm_port_model *port = w->system->port[i];
     pm_yaml_document *document = NULL;
     pm_yaml block;
-    require(w, pm_yaml_parse(&document, w->port_text, "port", &block));
-    require(w, pm_port_spec_read(block, (pm_yaml){0}, &w->system->arena, &port->spec));
-    require(w, pm_port_declare(port));
+    require_for(w, pm_yaml_parse(&document, w->port_text, "port", &block));
+    require_for(w, pm_port_spec_read(block, (pm_yaml){0}, &w->system->arena, &port->spec));
+    require_for(w, pm_port_declare(port));
     pm_yaml_close(document);
     draw_params(&port->params, &w->rng);
 }
 
 static void make(random_system *w) {
     pm_linalg_init();
-    require(w, pm_scene_parse(&w->scene, w->scene_text, "random_system.yaml"));
-    require(w, pm_system_new(&w->system, w->scene));
+    require_for(w, pm_scene_parse(&w->scene, w->scene_text, "random_system.yaml"));
+    require_for(w, pm_system_new(&w->system, w->scene));
     for (int i = 0; i < w->scene->physics.nsubsystem; ++i) {
         make_part(w, i);
     }

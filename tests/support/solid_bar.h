@@ -2,16 +2,11 @@
 #ifndef PM_TESTS_SUPPORT_SOLID_BAR_H
 #define PM_TESTS_SUPPORT_SOLID_BAR_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "model/solid/solid.h"
+#include "tests/support/unit.h"
 
 #define ELEMENTS 4 // along x, with one element along y and z
 #define NODES (4 * (ELEMENTS + 1))

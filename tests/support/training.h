@@ -2,15 +2,9 @@
 #ifndef PM_TESTS_SUPPORT_TRAINING_H
 #define PM_TESTS_SUPPORT_TRAINING_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "fit/training.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 // Loads a training from the text of its file, which names its scene "scene.yaml", and the text of
 // the scene. A failure ends the test. The caller frees.

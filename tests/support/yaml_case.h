@@ -3,18 +3,13 @@
 #ifndef PM_TESTS_YAML_CASE_H
 #define PM_TESTS_YAML_CASE_H
 
-#include <setjmp.h>
-#include <stdarg.h>
 #include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/status.h"
+#include "tests/support/unit.h"
 
 typedef struct yaml_case {
     const char *from, *to; // the first `from` in the valid text becomes `to`

@@ -2,15 +2,9 @@
 #include <float.h>
 #include <limits.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/arena.h"
 #include "base/band.h"
@@ -20,12 +14,7 @@
 #include "base/path.h"
 #include "base/rng.h"
 #include "base/status.h"
-
-static void check(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
+#include "tests/support/unit.h"
 
 static void arena_gives_zeroed_aligned_memory(void **state) {
     (void)state;
@@ -101,12 +90,12 @@ static void random_numbers_have_their_moments(void **state) {
         equal += pm_rng_bits(&rng) == pm_rng_bits(&other);
     }
     const double sigma = 1 / sqrt(COUNT); // five of it
-    check("mean", mean, 0, 5 * sigma);
-    check("variance", square, 1, 5 * sqrt(2) * sigma);
-    check("uniform", uniform, 0.5, 5 * sigma);
+    assert_near("mean", mean, 0, 5 * sigma);
+    assert_near("variance", square, 1, 5 * sqrt(2) * sigma);
+    assert_near("uniform", uniform, 0.5, 5 * sigma);
     assert_int_equal(equal, 0);
     for (int i = 0; i < 5; ++i) {
-        check("bin", bin[i], COUNT / 5, 5 * sqrt(COUNT * 0.16));
+        assert_near("bin", bin[i], COUNT / 5, 5 * sqrt(COUNT * 0.16));
     }
 }
 
@@ -137,7 +126,7 @@ static void products_are_products(void **state) {
                         sum += (ta ? a[l * m + row] : a[row * k + l]) *
                                (tb ? b[col * k + l] : b[l * n + col]);
                     }
-                    check("product", c[row * n + col], sum, 1e-13);
+                    assert_near("product", c[row * n + col], sum, 1e-13);
                 }
             }
         }
@@ -170,10 +159,10 @@ static void positive_systems_are_solved(void **state) {
     for (int i = 0; i < M; ++i) {
         sum += j[i * N + 1] * j[i * N + 2];
     }
-    check("gram", h[1 * N + 2], sum, 1e-11);
+    assert_near("gram", h[1 * N + 2], sum, 1e-11);
     assert_true(pm_cholesky_solve(N, h, b));
     for (int i = 0; i < N; ++i) {
-        check("solution", b[i], x[i], 1e-9);
+        assert_near("solution", b[i], x[i], 1e-9);
     }
     kept[100 * N + 100] = -1;
     assert_false(pm_cholesky_solve(N, kept, b));
@@ -191,20 +180,20 @@ static void activations_are_accurate(void **state) {
     x[COUNT - 1] = 700;
     for (int i = 0; i < COUNT; ++i) {
         y[i] = pm_tanh_of(x[i]);
-        check("tanh", y[i], tanh(x[i]), 8 * DBL_EPSILON * fabs(tanh(x[i])));
+        assert_near("tanh", y[i], tanh(x[i]), 8 * DBL_EPSILON * fabs(tanh(x[i])));
     }
     for (int i = 0; i < COUNT; ++i) {
         y[i] = pm_sigmoid_of(x[i]);
-        check("sigmoid", y[i], 1 / (1 + exp(-x[i])), 8 * DBL_EPSILON);
+        assert_near("sigmoid", y[i], 1 / (1 + exp(-x[i])), 8 * DBL_EPSILON);
     }
     for (int i = 0; i < COUNT; ++i) {
         y[i] = pm_softplus_of(x[i]);
         const double expected = fmax(x[i], 0) + log1p(exp(-fabs(x[i])));
-        check("softplus", y[i], expected, 8 * DBL_EPSILON * (1 + fabs(expected)));
+        assert_near("softplus", y[i], expected, 8 * DBL_EPSILON * (1 + fabs(expected)));
     }
     for (int i = 0; i < COUNT; ++i) {
         y[i] = pm_exp_of(x[i]);
-        check("exp", y[i], exp(x[i]), 8 * DBL_EPSILON * exp(x[i]));
+        assert_near("exp", y[i], exp(x[i]), 8 * DBL_EPSILON * exp(x[i]));
     }
 }
 
@@ -308,7 +297,7 @@ static void bands_are_solved(void **state) {
             assert_true(pm_band_factor(n, width, band, factor));
             pm_band_solve(n, width, factor, b);
             for (int j = 0; j < n; ++j) {
-                check("solution of a band", b[j], x[j], 2e-6);
+                assert_near("solution of a band", b[j], x[j], 2e-6);
             }
         }
     }

@@ -1,26 +1,15 @@
 // Compares material, element, solver and loads of the simulated beam with exact solutions.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "bodies/truth/beam.h"
 #include "bodies/truth/beam_solve.h"
+#include "tests/support/unit.h"
 
 static const pm_beam_material elastic = {.C10 = 1.5e5, .C01 = 5e3, .D1 = 1e-7};
 static const pm_beam_material viscous = {
     .C10 = 1.5e5, .C01 = 5e3, .D1 = 1e-7, .nbranch = 2, .g = {0.3, 0.49}, .tau = {0.2, 0.5}};
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 // A rotation about (1, 2, 3) by `angle`, by Rodrigues' formula.
 static void rotation(double angle, double R[9]) {

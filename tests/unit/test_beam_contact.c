@@ -1,26 +1,15 @@
 // Compares beams in contact with derivatives of their energy, laws of mechanics and known
 // solutions.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/truth/beam.h"
 #include "bodies/truth/beam_contact.h"
 #include "bodies/truth/beam_solve.h"
+#include "tests/support/unit.h"
 
 static const pm_beam_material elastic = {.C10 = 1.5e5, .C01 = 5e3, .D1 = 1e-7};
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 // Two bars of 16 x 4 x 4 m, the second above the first, parallel to it or across its outer half.
 typedef struct pair {

@@ -1,19 +1,14 @@
 // Compares the simulated beam with the public data of the method's authors. The data are not part
 // of this repository; without them the test is skipped.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "bodies/field/field.h"
 #include "bodies/truth/beam.h"
 #include "bodies/truth/beam_solve.h"
+#include "tests/support/unit.h"
 
 #define PUBLIC_DATA "../shared/data/beam.h5"
 #define SKIPPED 77 // the exit code that ctest reports as skipped

@@ -1,13 +1,7 @@
 // Boxes of bricks in a stack that share a basis: which of them face each other, and the openings
 // and contact forces that follow from the amplitudes of all.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/modal/contact_force.h"
@@ -16,6 +10,7 @@
 #include "scene/weights.h"
 #include "tests/support/boxes.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 enum { NBODY = 3, NPAIR = 12, NTIME = 4 };
 static const int trajectory = 0;

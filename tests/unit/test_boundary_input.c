@@ -2,17 +2,12 @@
 // errors name.
 #include <limits.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/digest.h"
 #include "scene/boundary_input.h"
+#include "tests/support/unit.h"
 
 #define NTIME 30
 #define STRIDE 3

@@ -1,17 +1,12 @@
 // Child processes: exit codes, signals, programs that cannot be run, and waits that signals
 // interrupt.
 #include <errno.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <sys/time.h>
 #include <unistd.h>
-// cmocka needs the above.
-#include <cmocka.h>
 
 #include "base/child.h"
+#include "tests/support/unit.h"
 
 static volatile sig_atomic_t interrupted;
 

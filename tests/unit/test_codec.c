@@ -1,16 +1,11 @@
 // The codec writes the same bytes as lcm-gen's encoders, and drops every malformed message.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/rng.h"
 #include "lockstep/codec.h"
+#include "tests/support/unit.h"
 
 #define COUNT 3   // elements of every array
 #define ARRAYS 24 // of a message, at most

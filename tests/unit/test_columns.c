@@ -1,15 +1,10 @@
 // Columns: a state comes from a dataset's row and goes back, through chains of relative positions.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "scene/columns.h"
+#include "tests/support/unit.h"
 
 #define NZ 9
 #define NCOLUMN 11

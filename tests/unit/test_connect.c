@@ -1,16 +1,10 @@
 // The address and the channels of a scene: mistakes that LCM would refuse are found before a
 // process starts.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include <stdio.h>
 #include <string.h>
 
 #include "app/connect.h"
+#include "tests/support/unit.h"
 
 static const char text[] = "scene: %s\n"
                            "%s%s%stime: {dt: 1, steps: 1, integrator: euler}\n"

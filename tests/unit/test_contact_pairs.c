@@ -1,17 +1,12 @@
 // Two boxes of bricks across a gap: which points face each other, and how their openings change
 // when the boxes move.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/solid/contact_pairs.h"
 #include "tests/support/boxes.h"
+#include "tests/support/unit.h"
 
 // The lower box is [0,8] x [0,4] x [0,2]. The upper one crosses it above x = 2 .. 5; its own x
 // points along the global +y and its y along -x. No node of one lies straight above a node of the

@@ -1,12 +1,6 @@
 // A coordinator that stays and its control over the memory transport, in virtual time: one run
 // after another with the bits of the plain loop, holding, stepping, starting anew, and what clients
 // are refused.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -16,6 +10,7 @@
 #include "base/rng.h"
 #include "lockstep/control.h"
 #include "tests/support/cluster_fixture.h"
+#include "tests/support/unit.h"
 
 #define SESSION 77
 #define MOST_NZ 64

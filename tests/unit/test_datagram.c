@@ -1,12 +1,6 @@
 // LCM datagrams: parsing, reassembly of fragments, and the kernel's filter (on a socket pair, where
 // a filter works as on a UDP socket). tests/distributed/test_receive.sh compares with liblcm
 // itself.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/rng.h"
+#include "tests/support/unit.h"
 #include "transport/datagram.h"
 #include "transport/transport.h"
 

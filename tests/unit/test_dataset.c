@@ -1,21 +1,16 @@
 // Datasets: a saved dataset loads unchanged, and every mistake in a file is described in one line.
 #include <hdf5.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "store/dataset.h"
 #include "store/hdf5_io.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 static const char *const columns[] = {"q", "p", "s"};
 

@@ -1,16 +1,11 @@
 // Reads the public data of the method's authors as a dataset. The data are not part of this
 // repository; without them the test is skipped.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "store/dataset.h"
+#include "tests/support/unit.h"
 
 #define PUBLIC_DATA "../shared/data/double_pendulum.h5"
 #define SKIPPED 77 // the exit code that ctest reports as skipped

@@ -1,18 +1,13 @@
 // Elementary functions: close to exact values, and the same bits alone and in vectorised loops.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/elementary.h"
 #include "base/rng.h"
 #include "graph/graph.h"
 #include "graph/program.h"
+#include "tests/support/unit.h"
 
 #define SAMPLES 200000
 #define LONGEST 37 // numbers of an array; every shorter length is tried, too

@@ -1,19 +1,14 @@
 // Rollouts scored against datasets whose errors are known.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "evaluate/evaluate.h"
 #include "evaluate/thermo.h"
 #include "model/training_range.h"
 #include "sim/monolithic.h"
 #include "tests/support/fixture.h"
+#include "tests/support/unit.h"
 
 #define NTRAJECTORY 5
 #define NTIME 12
@@ -76,12 +71,6 @@ static pm_evaluation *evaluate(const bench *b, int first, int end, int threads) 
         fail_msg("%s", pm_error());
     }
     return e;
-}
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
 }
 
 static void own_trajectories_score_zero(void **state) {

@@ -2,15 +2,10 @@
 // time, and mistakes in a file are described.
 #include <hdf5.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "bodies/field/field.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 4, NVARIABLE = 5 };
 

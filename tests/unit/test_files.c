@@ -1,18 +1,12 @@
 // A program does not overwrite a file that it reads, and a later file that has its inode is
 // another.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include "base/files.h"
+#include "tests/support/unit.h"
 
 enum { TRIES = 64 };
 

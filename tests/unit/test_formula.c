@@ -1,16 +1,11 @@
 // Values and derivatives of formulas are compared with the same expressions in C, discrete
 // derivatives satisfy their defining equations, and every mistake in the text is refused.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "model/formula.h"
+#include "tests/support/unit.h"
 
 #define NZ 5
 

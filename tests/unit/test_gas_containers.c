@@ -1,27 +1,16 @@
 // Compares the simulator of two gas containers with exact solutions, the laws and finite
 // differences, and the shipped reference with the shipped configuration.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
-
-#include <cmocka.h>
 
 #include "store/dataset.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 #include "truth/truth.h"
 
 enum { V1, V2, P, S1, S2, NZ };
 
 static const pm_ode_method adams = {PM_ODE_ADAMS, 1e-14, 1e-15};
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 #define INITIAL "{position: [0.3, 2.6], momentum: [-1, 1], entropy: [1, 2]}"
 

@@ -1,11 +1,5 @@
 // The check before the HDF5 library: files of this program pass, and damage that crashes the
 // library does not.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <hdf5.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -17,6 +11,7 @@
 #include "store/hdf5_check.h"
 #include "store/hdf5_io.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 static scratch folder;
 

@@ -1,15 +1,10 @@
 // The coordinator finds out from the vitals of processes who waits for whom and whose messages get
 // lost, and gives each warning once.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "lockstep/health.h"
 #include "tests/support/fixture.h"
+#include "tests/support/unit.h"
 
 enum { SESSION = 77, NODES = 3 };
 

@@ -1,16 +1,11 @@
 // A run that is held, over the memory transport, in virtual time: no process completes a step
 // beyond the one at which it is held, a run can be held for any time, and the bits stay the same.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 #define SESSION 77
 #define LONG (5 * PATIENCE) // s, virtual: longer than any patience

@@ -1,15 +1,10 @@
 // What columns are between their samples: staircases, lines, curves and noise of many sizes.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "data/hold.h"
+#include "tests/support/unit.h"
 
 #define TRACKS 3
 #define SAMPLES 200

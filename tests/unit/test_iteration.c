@@ -1,13 +1,7 @@
 // The end of an iteration: all subsystems of a graph end it in the same round.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include "base/rng.h"
 #include "sim/iteration.h"
+#include "tests/support/unit.h"
 
 #define MOST 12   // subsystems
 #define ROUNDS 80 // at most

@@ -1,11 +1,4 @@
 // Lines on standard error, as text and as JSON.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +6,7 @@
 #include <unistd.h>
 
 #include "base/journal.h"
+#include "tests/support/unit.h"
 
 #define SIZE 8192
 

@@ -1,14 +1,8 @@
 // Texts as JSON strings: escapes, bytes that are no UTF-8, and texts that are too long.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include <string.h>
 
 #include "base/journal.h"
+#include "tests/support/unit.h"
 
 static void assert_quoted(const char *text, const char *expected) {
     char quoted[256];

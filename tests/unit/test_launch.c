@@ -1,11 +1,4 @@
 // Child processes, which are copies of this one.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -16,6 +9,7 @@
 
 #include "app/launch.h"
 #include "base/progress.h"
+#include "tests/support/unit.h"
 
 #define SLEEP 30 // s, longer than any test takes
 

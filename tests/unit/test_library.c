@@ -1,17 +1,14 @@
 // The shared library as its users see it: only portmet.h and libportmet.so.
 #include "library/portmet.h"
+#include "tests/support/unit.h"
 
 #include <math.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 // Two masses on springs, one of them held by a boundary input.
 static const char springs[] =

@@ -1,14 +1,8 @@
 // Live inputs: which message holds for a step, and which senders count as alive.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include "lockstep/live_inputs.h"
 #include "portmet_input_t.h"
 #include "tests/support/memory_hub.h"
+#include "tests/support/unit.h"
 
 static const char text[] = "scene: x\n"
                            "time: {dt: 1, steps: 9, integrator: rk4}\n"

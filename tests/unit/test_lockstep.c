@@ -1,17 +1,12 @@
 // The lock-step protocol over the memory transport, in virtual time: the same bits as the plain
 // loop for any faults of the network, and a clear error for any failure of a node.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "lockstep/codec.h"
 #include "tests/support/allocations.h"
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/together.h"
+#include "tests/support/unit.h"
 
 static long count_allocations(void) {
     return allocations;

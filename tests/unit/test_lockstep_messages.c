@@ -1,16 +1,11 @@
 // Messages that are malformed, foreign, late or forged: each is dropped for its own reason,
 // counted, and changes no bit. The names of channels are tested here, too.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "base/rng.h"
 #include "lockstep/codec.h"
 #include "tests/support/cluster_fixture.h"
+#include "tests/support/unit.h"
 #include "transport/channel.h"
 
 static void shout(pm_transport *transport, const char *channel, pm_rng *rng) {

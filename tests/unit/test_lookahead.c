@@ -1,17 +1,12 @@
 // Grants ahead of reports: no process gets further ahead of another, the bits are the same, and
 // every step that was computed is reported when a run fails.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "base/rng.h"
 #include "lockstep/codec.h"
 #include "lockstep/lookahead.h"
 #include "tests/support/cluster_fixture.h"
+#include "tests/support/unit.h"
 
 #define LEAD (QUICK_CHECKPOINT / 2)
 #define LONG_LEAD 16 // with checkpoints that are far apart

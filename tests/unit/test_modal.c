@@ -1,18 +1,13 @@
 // A body of known modes: reduce finds them in its fields, and reconstruct makes the fields again.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/modal/reconstruct.h"
 #include "bodies/modal/reduce.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1, clamped at x = 0.
 enum { NX = 5, NNODE = NX * 9, NTRAJECTORY = 6, NTIME = 9, NVARIABLE = 12 };

@@ -2,18 +2,13 @@
 // load, so that its displacement is a function of the history of the loads, not of the loads of the
 // moment.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/modal/reconstruct.h"
 #include "bodies/modal/reduce.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 // The body has nodes at x = 0..5 on a line, and is clamped at x = 0.
 enum { NNODE = 6, NTRAJECTORY = 8, NLEARNED = 6, NTIME = 60, NMODE = 2, NBRANCH = 2 };

@@ -1,18 +1,13 @@
 // The two fits of a basis: linear least squares of low rank, and the kernel of the stress close to
 // loads.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "bodies/modal/local.h"
 #include "bodies/modal/reduce.h"
+#include "tests/support/unit.h"
 
 // Nodes at x = 0..4, y and z = -1, 0, 1.
 enum { NX = 5, NNODE = NX * 9 };

@@ -1,20 +1,15 @@
 // Parameters, features and networks are compared with formulas written by hand, and every mistake
 // in a model that shows only with its layout is refused.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "model/operator.h"
 #include "model/part.h"
 #include "model/port.h"
 #include "scene/model_reader.h"
+#include "tests/support/unit.h"
 
 static const pm_layout layout = {3,
                                  (pm_group[]){{"q", "m", 2, 0, PM_ROLE_OTHER, false},
@@ -22,12 +17,6 @@ static const pm_layout layout = {3,
                                               {"s", "J/K", 1, 4, PM_ROLE_ENTROPY, false}},
                                  5};
 static const double state_values[] = {3, -4, 0.5, 2, -0.25};
-
-static void check(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 // --- parameters ---
 
@@ -141,7 +130,7 @@ static void features_are_their_formulas(void **state) {
         memcpy(pm_program_value(p, z), state_values, sizeof state_values);
         pm_program_run(p, 1);
         for (int k = 0; k < size; ++k) {
-            check(c[i].expression, pm_program_value(p, node)[k], c[i].value[k], 1e-14);
+            assert_near(c[i].expression, pm_program_value(p, node)[k], c[i].value[k], 1e-14);
         }
         pm_program_close(p);
     }
@@ -190,9 +179,9 @@ static void sines_take_angles_in_their_unit(void **state) {
     *pm_program_value(p, from) = 30;
     *pm_program_value(p, to) = 90;
     pm_program_run(p, 1);
-    check("sine", pm_program_value(p, node[0])[0], 0.5, 1e-14);
-    check("cosine", pm_program_value(p, node[0])[1], sqrt(0.75), 1e-14);
-    check("difference", 60 * *pm_program_value(p, node[1]), 0.5 - sqrt(0.75), 1e-10);
+    assert_near("sine", pm_program_value(p, node[0])[0], 0.5, 1e-14);
+    assert_near("cosine", pm_program_value(p, node[0])[1], sqrt(0.75), 1e-14);
+    assert_near("difference", 60 * *pm_program_value(p, node[1]), 0.5 - sqrt(0.75), 1e-10);
     pm_program_close(p);
     pm_graph_close(g);
 }
@@ -258,7 +247,8 @@ static void networks_are_their_formulas(void **state) {
         assert_int_equal(pm_program_open(&p, g, 1, &node, 1), PM_OK);
         memcpy(pm_program_value(p, z), state_values, sizeof state_values);
         pm_program_run(p, 1);
-        check("network", *pm_program_value(p, node), 1.5 * act[i % 3] - 0.2 + skip[i / 3], 1e-14);
+        assert_near("network", *pm_program_value(p, node), 1.5 * act[i % 3] - 0.2 + skip[i / 3],
+                    1e-14);
         pm_program_close(p);
         pm_params_free(&params);
         pm_graph_close(g);
@@ -335,9 +325,9 @@ static void networks_with_zero_at_origin_are_flat_there(void **state) {
     for (int i = 0; i < 2; ++i) {
         const double expected = 1.5 * (tanh(0.5 * s[i] - 0.7) - at_zero) -
                                 0.75 * (1 - at_zero * at_zero) * s[i] + 0.25 * s[i] * s[i];
-        check("value", pm_program_value(p, out[0])[i], expected, 1e-14);
+        assert_near("value", pm_program_value(p, out[0])[i], expected, 1e-14);
     }
-    check("slope at zero", pm_program_value(p, out[1])[4], 0, 1e-14);
+    assert_near("slope at zero", pm_program_value(p, out[1])[4], 0, 1e-14);
     assert_true(fabs(pm_program_value(p, out[1])[9]) > 0.1);
     pm_program_close(p);
     pm_params_free(&params);

@@ -1,13 +1,8 @@
 // Names of columns: lookups among many names, and the expansion and folding of ranges.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "store/names.h"
+#include "tests/support/unit.h"
 
 static pm_arena arena;
 

@@ -1,11 +1,4 @@
 // What a service manager is told, on a socket of this test.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,6 +7,7 @@
 #include <unistd.h>
 
 #include "app/notify.h"
+#include "tests/support/unit.h"
 
 #define PATIENCE 5 // s, for a datagram on one host
 

@@ -1,14 +1,9 @@
 // Sparse Jacobians by differences are compared with dense ones, on a chain of pendula.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "base/rng.h"
+#include "tests/support/unit.h"
 #include "truth/chain.h"
 #include "truth/ode.h"
 
@@ -16,12 +11,6 @@ enum { LINKS = 12, LONG = 5 * LINKS };
 
 static const pm_chain_link three[] = {
     {1, 0.03, 2, 0.09, 5}, {2, 0.2, 1, 0.07, 4}, {0.5, 0.1, 1.5, 0.05, 6}};
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 static int nrate; // evaluations of chain_rate
 

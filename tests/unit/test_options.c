@@ -1,14 +1,9 @@
 // Command lines: what options and positional arguments mean, and how mistakes are described.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-// cmocka needs the above.
-#include <cmocka.h>
 
 #include "base/options.h"
+#include "tests/support/unit.h"
 
 typedef struct given {
     const char *output, *data, *positional[3];

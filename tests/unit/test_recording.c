@@ -3,23 +3,18 @@
 #include <hdf5.h>
 #include <malloc.h>
 #include <math.h>
-#include <setjmp.h>
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/progress.h"
 #include "base/rng.h"
 #include "scene/recording.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 static pm_scene_subsystem subsystem[2] = {
     {.name = "left",

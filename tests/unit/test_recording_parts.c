@@ -2,16 +2,11 @@
 // of the scene stands share their series.
 #include <hdf5.h>
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "scene/recording.h"
 #include "store/hdf5_io.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 #define SCENE                                                                         \
     "scene: three\ntime: {dt: 1, steps: 4, integrator: euler}\n"                      \

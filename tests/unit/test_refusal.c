@@ -1,16 +1,11 @@
 // A second coordinator, a second node of the same name, and nodes that differ are refused by name,
 // and the run that is under way continues undisturbed.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "lockstep/codec.h"
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 // Drives a cluster and one more node until that node has ended.
 static pm_status run_stranger(cluster *c, pm_lockstep_node *node, pm_transport *transport) {

@@ -1,17 +1,12 @@
 // Messages of an earlier run, sent again while the next one starts and runs, change nothing. A key
 // keeps others from making messages, but not from recording and repeating them, so these are the
 // messages that a stranger has within the age that a seal allows.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 #include "transport/channel.h"
 
 enum { NODES = 3, SESSION = 77, MOST = 4096, LARGEST = 1024 };

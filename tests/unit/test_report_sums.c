@@ -1,14 +1,8 @@
 // A run of many subsystems whose processes report sums enters the same numbers in its ledger, bit
 // by bit, as a run in one process, however the subsystems are divided.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/linalg.h"
 #include "lockstep/coordinator.h"
@@ -16,6 +10,7 @@
 #include "sim/monolithic.h"
 #include "tests/support/memory_hub.h"
 #include "tests/support/together.h"
+#include "tests/support/unit.h"
 
 #define NODES 1100
 #define STEPS 12
@@ -45,12 +40,6 @@ typedef struct run {
     pm_ledger ledger;
     pm_sample *last; // of the first PM_SCENE_LISTED subsystems
 } run;
-
-static void require(pm_status status) {
-    if (status != PM_OK) {
-        fail_msg("%s", pm_error());
-    }
-}
 
 static void open_run(run *r, const char *processes) {
     static char text[32768];

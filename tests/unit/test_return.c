@@ -1,17 +1,12 @@
 // Death and return over the memory transport, in virtual time: processes are killed at any step,
 // once or often, and restarted from their checkpoints, and the run ends with the same bits.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "base/rng.h"
 #include "lockstep/codec.h"
 #include "tests/support/cluster_fixture.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 #define SESSION 77
 

@@ -1,16 +1,11 @@
 // The processes of a scene: which subsystems share a process, and the errors in a section
 // `processes`.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "scene/scene.h"
+#include "tests/support/unit.h"
 
 #define NAME48 "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuv"
 

@@ -1,11 +1,5 @@
 // Seals of messages, the key file, and the transport that uses both. Seals over real LCM are tested
 // in tests/distributed/test_key.sh.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -13,6 +7,7 @@
 #include "lockstep/codec.h"
 #include "tests/support/memory_hub.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 #include "transport/seal.h"
 #include "transport/transport.h"
 

@@ -1,19 +1,14 @@
 // Simulation in one process: Butcher tableaux, skipped and counted evaluations, the sums of the
 // ledger, steps without allocations, and a clear error when a state becomes non-finite.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "sim/ledger.h"
 #include "sim/monolithic.h"
 #include "tests/support/allocations.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 // --- scenes ---
 

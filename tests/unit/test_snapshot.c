@@ -1,18 +1,13 @@
 // Records, snapshots and checkpoints: saved numbers load unchanged, and files of other inputs are
 // refused.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <sys/stat.h>
 #include <unistd.h>
-// cmocka needs the above.
-#include <cmocka.h>
 
 #include "base/serializer.h"
 #include "store/snapshot.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 enum { COUNT = 5, DIGEST = 77, LAYOUT = 99, SESSION = 123456 };
 

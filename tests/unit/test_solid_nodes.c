@@ -1,18 +1,13 @@
 // Fields of a body as the mesh and the nodal values of a solid
 // (trainer/bodies/solid/solid_nodes.h), and back; meshes in files (store/solid_mesh.h).
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "bodies/solid/solid_nodes.h"
+#include "tests/support/unit.h"
 
 #define NODES 12 // of two bricks along x
 #define STATES 3

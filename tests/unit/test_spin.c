@@ -1,12 +1,7 @@
 // Polling and sleeping of waits, in virtual time.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <stdbool.h>
 
+#include "tests/support/unit.h"
 #include "transport/spin.h"
 
 #define SHORT (0.5 * PM_SPIN_LONGEST)

@@ -1,16 +1,11 @@
 // The eight symmetric copies of a body with a square section: each maps the body onto itself, and
 // tensors turn with vectors.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "bodies/solid/symmetry_copies.h"
 #include "tests/support/boxes.h"
+#include "tests/support/unit.h"
 
 static const int square[3] = {3, 2, 2};
 

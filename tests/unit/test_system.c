@@ -1,19 +1,14 @@
 // A scene with its weights: weights that fit are loaded; others are refused, and the message names
 // them.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "model/training_range.h"
 #include "scene/model_reader.h"
 #include "scene/system.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 static const char good[] =
     "scene: pair\n"

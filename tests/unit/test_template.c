@@ -1,14 +1,8 @@
 // Texts with values: keys within lines, whole lines, and lines that are left out.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include <stdlib.h>
 
 #include "base/template.h"
+#include "tests/support/unit.h"
 
 static void write_two_lines(FILE *file, const void *context) {
     const char *text = context;

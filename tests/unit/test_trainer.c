@@ -1,13 +1,7 @@
 // The input of training: windows cut from trajectories, and the constants that are fixed before it.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "data/samples.h"
 #include "fit/defaults.h"
@@ -16,6 +10,7 @@
 #include "fit/normalization.h"
 #include "graph/program.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define NTRAJECTORY 3
 #define NTIME 9

@@ -1,14 +1,9 @@
 // The memory transport of the tests and its faults, and URLs that are refused before LCM is called.
 // Messages over real LCM are tested in tests/distributed.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
 #include <string.h>
 
 #include "tests/support/memory_hub.h"
+#include "tests/support/unit.h"
 #include "transport/transport.h"
 
 #define MANY 2000

@@ -1,14 +1,9 @@
 // Compares the simulators of links with exact solutions, conservation laws and finite differences.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "store/dataset.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 #include "truth/chain.h"
 #include "truth/truth.h"
 
@@ -16,12 +11,6 @@
 
 static const pm_ode_method adams = {PM_ODE_ADAMS, 1e-14, 1e-15};
 static const pm_ode_method bdf = {PM_ODE_BDF, 1e-13, 1e-14};
-
-static void assert_near(const char *what, double value, double expected, double tolerance) {
-    if (!(fabs(value - expected) <= tolerance)) {
-        fail_msg("%s: %.17g, expected %.17g within %g", what, value, expected, tolerance);
-    }
-}
 
 static void chain_rate(const void *data, const double *z, double *zdot) {
     pm_chain_rate(data, z, zdot);

@@ -1,18 +1,13 @@
 // The free form: a linear network gives the linear rate of its weights, over the own state in a
 // part and over the states of both ends in a port. Potentials and operators beside it are refused.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "model/part.h"
 #include "model/port.h"
+#include "tests/support/unit.h"
 
 #define NZ 3
 

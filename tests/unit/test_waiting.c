@@ -1,12 +1,6 @@
 // The times at which a waiting process requests the missing message, in virtual time.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-// cmocka needs the above.
-#include <cmocka.h>
-
 #include "lockstep/endpoint.h"
+#include "tests/support/unit.h"
 
 // Many waits of `seconds` each; the time at which the next one begins.
 static double wait_often(pm_waiting *waiting, double seconds, double now) {

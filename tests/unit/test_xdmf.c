@@ -1,15 +1,10 @@
 // XDMF descriptions of field files: they are well-formed, and refer only to data within the extents
 // of the field file.
 #include <hdf5.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "bodies/command/fields.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 enum { NTRAJECTORY = 2, NTIME = 3, NNODE = 8, DEPTH = 16, LONGEST = 64 };
 
