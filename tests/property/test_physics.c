@@ -1,20 +1,15 @@
 // Linear laws of irreversible physics are constant factors of learned operators. For all weights
 // operators are symmetric and degenerate, and entropy grows.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "graph/program.h"
 #include "model/dissipation.h"
 #include "model/potential.h"
 #include "sim/monolithic.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define TRIALS 200
 // Rounding of sums of a few products, some of which cancel.

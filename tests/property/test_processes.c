@@ -2,15 +2,9 @@
 // factors simple, and rates stay the same; the strengths of processes are fitted when the initial
 // weights have been chosen.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "fit/dissipative_modes.h"
 #include "fit/normalization.h"
@@ -18,6 +12,7 @@
 #include "graph/program.h"
 #include "loss/objective.h"
 #include "tests/support/training.h"
+#include "tests/support/unit.h"
 
 #define ROWS 7
 #define RANK 3

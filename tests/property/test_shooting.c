@@ -2,18 +2,13 @@
 // windows gives a step that solves the normal equations of all unknowns, which is bent by the
 // second derivative of the residuals. A weight is spare if the quadratic model says so.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "inference/uncertainty.h"
 #include "tests/support/random_system.h"
+#include "tests/support/unit.h"
 
 #define NZ 10
 #define SAMPLES 41 // more windows than one batch, in two tracks

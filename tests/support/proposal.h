@@ -2,19 +2,14 @@
 #ifndef PM_TESTS_SUPPORT_PROPOSAL_H
 #define PM_TESTS_SUPPORT_PROPOSAL_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "propose/propose.h"
 #include "scene/scene.h"
+#include "tests/support/unit.h"
 
 #define PM_PROPOSAL_TEXT 16384
 

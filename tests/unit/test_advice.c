@@ -1,20 +1,15 @@
 // What a training file lacks is named after a trial: an angle on which L depends, a group that a
 // port does not expose; and nothing where nothing is lacking.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/linalg.h"
 #include "propose/advice.h"
 #include "store/dataset.h"
+#include "tests/support/unit.h"
 
 #define NTRAJECTORY 8
 #define NTIME 50

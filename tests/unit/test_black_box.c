@@ -1,15 +1,10 @@
 // The regression that a fit is compared with, on series whose next row is known.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "inference/black_box.h"
+#include "tests/support/unit.h"
 
 #define COUNT 12
 #define TRAINING 10

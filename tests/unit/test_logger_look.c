@@ -1,19 +1,14 @@
 // The columns of a logger are told apart: positions whose rates several velocities or a lever
 // explain, energies of angles, and what passes between parts.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/rng.h"
 #include "propose/logger_draft.h"
+#include "tests/support/unit.h"
 
 enum { TRAJECTORIES = 10, SAMPLES = 200, MOST = 10 };
 

@@ -1,12 +1,6 @@
 // Formulas without names that stand for zero.
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "propose/logger_shorten.h"
+#include "tests/support/unit.h"
 
 static const char *const zero[] = {"z", "y"};
 

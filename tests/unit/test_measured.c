@@ -2,20 +2,15 @@
 // measured, with noise, outliers, missing samples and uneven times. The learned constants are those
 // of the pendulum within their standard deviations, and unseen trajectories lie in the bands.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "base/rng.h"
 #include "fit/fit.h"
 #include "inference/estimate.h"
 #include "tests/support/scratch.h"
+#include "tests/support/unit.h"
 
 #define TRACKS 16
 #define TRAINING 6

@@ -1,21 +1,16 @@
 // Proposals of training files: units, regressions on data, the proposed file, and the division of
 // trajectories into training and validation.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "data/split.h"
 #include "propose/propose.h"
 #include "propose/view.h"
 #include "tests/support/proposal.h"
+#include "tests/support/unit.h"
 
 // --- units ---
 

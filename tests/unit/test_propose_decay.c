@@ -1,18 +1,13 @@
 // Proposals for stiff data: how fast deviations decay, and how many substeps this needs.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "propose/look.h"
 #include "tests/support/proposal.h"
+#include "tests/support/unit.h"
 
 #define DECAY 200 // per s
 #define STATES 50

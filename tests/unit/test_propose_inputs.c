@@ -1,19 +1,14 @@
 // Proposals of training files from data of driven systems: regressions of rates leave out what
 // boundary inputs contribute, and conservation of angular momentum leaves out their moments.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "propose/look.h"
 #include "tests/support/proposal.h"
+#include "tests/support/unit.h"
 
 // --- driven systems ---
 

@@ -1,17 +1,12 @@
 // Proposals of training files: quaternions, for both orders of their components and angular momenta
 // in both frames.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
 #include "propose/view.h"
 #include "tests/support/proposal.h"
+#include "tests/support/unit.h"
 
 #define BODY                                                      \
     "scene: body\n"                                               \

@@ -1,18 +1,13 @@
 // Proposals of training files: directions that turn with a body, boundary inputs, and strings.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "propose/draft.h"
 #include "tests/support/proposal.h"
+#include "tests/support/unit.h"
 
 // Proposes a training file for the dataset, which is freed, and returns its text.
 static void propose(const char *scene_text, pm_dataset *d, char text[PM_PROPOSAL_TEXT]) {

@@ -1,20 +1,15 @@
 // The search over hypotheses: the data decide, a hypothesis that cannot be fitted does no harm, and
 // the same input gives the same file.
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-#include <cmocka.h>
-
 #include "base/linalg.h"
 #include "propose/search.h"
 #include "store/dataset.h"
+#include "tests/support/unit.h"
 
 #define NTRAJECTORY 6
 #define NTIME 60
