@@ -17,10 +17,6 @@
 // Relative difference between two solutions below which a trajectory counts as converged.
 #define CONVERGED 1e-10
 
-typedef struct truth_arguments {
-    const char *config, *output, *trajectories;
-} truth_arguments;
-
 // Fills the dataset. Prints how well energy is conserved, how entropy grows, and how far the
 // trajectories are converged, which it also notes; names those beyond the tolerance.
 static pm_status simulate(const pm_truth *truth, int first, pm_dataset *dataset,
@@ -153,13 +149,13 @@ static pm_status leave_out(pm_dataset *d, int first, double missing, int64_t see
 
 pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv,
                            const volatile sig_atomic_t *stop) {
-    truth_arguments a = {.output = NULL};
+    const char *config = NULL, *output = NULL, *trajectories = NULL;
     double noise = 0, missing = 0;
     int64_t seed = 1;
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "dataset to write (HDF5)",
          .is_output = true, .kind = PM_FILES_HDF5},
-        {"--trajectories", NULL, "A:B", NULL, &a.trajectories, false,
+        {"--trajectories", NULL, "A:B", NULL, &trajectories, false,
          .help = "only the trajectories from A up to, but not including, B"},
         {"--noise", NULL, "X", .positive = &noise,
          .help = "add normal noise, X times the standard deviation of each column"},
@@ -180,7 +176,7 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
             "of FILE, and an XDMF file beside it, which ParaView opens.",
         .examples = "portmet-train truth configs/truth/double_pendulum.yaml -o pendula.h5",
         .positional_name = "CONFIG",
-        .positional = &a.config,
+        .positional = &config,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
@@ -190,10 +186,10 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
     pm_dataset *dataset = NULL;
     pm_status status = PM_OK;
     int first = 0, end = 0;
-    PM_TRY_DONE(pm_truth_load(&truth, a.config, more));
-    PM_TRY_DONE(pm_options_range(a.trajectories, truth->ntrajectory, &first, &end));
+    PM_TRY_DONE(pm_truth_load(&truth, config, more));
+    PM_TRY_DONE(pm_options_range(trajectories, truth->ntrajectory, &first, &end));
     if (truth->simulator->write != NULL) {
-        status = truth->simulator->write(truth, first, end - first, command, a.output, stop);
+        status = truth->simulator->write(truth, first, end - first, command, output, stop);
         goto done;
     }
     PM_TRY_DONE(pm_dataset_new(&dataset, end - first, truth->ntime, truth->model.ncolumn, truth->dt,
@@ -212,8 +208,8 @@ pm_status pm_command_truth(const pm_truth_simulator *more, int argc, char **argv
     if (missing > 0) {
         PM_TRY_DONE(leave_out(dataset, first, missing, seed));
     }
-    PM_TRY_DONE(pm_dataset_save(dataset, a.output));
-    printf("wrote %s: %d trajector%s of %d states, %g s apart\n", a.output, end - first,
+    PM_TRY_DONE(pm_dataset_save(dataset, output));
+    printf("wrote %s: %d trajector%s of %d states, %g s apart\n", output, end - first,
            end - first == 1 ? "y" : "ies", truth->ntime, truth->dt);
 done:
     pm_dataset_free(dataset);

@@ -4,20 +4,15 @@
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
 
-typedef struct correct_arguments {
-    const char *fields, *known, *trajectories, *output;
-} correct_arguments;
-
 pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    correct_arguments a = {0};
+    const char *fields = NULL, *better = NULL, *trajectories = NULL, *output = NULL;
     const pm_option table[] = {
-        {"--by", NULL, "FILE", NULL, &a.known, true,
-         .help = "better known fields of the same body"},
-        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+        {"--by", NULL, "FILE", NULL, &better, true, .help = "better known fields of the same body"},
+        {"--trajectories", NULL, "LIST", NULL, &trajectories, false,
          .help = "use only these of the known trajectories, such as 0,3,6:9"},
-        {"--output", "-o", "FILE", NULL, &a.output, true,
-         .help = "write the corrected fields (HDF5)", .is_output = true},
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "write the corrected fields (HDF5)",
+         .is_output = true},
     };
     const pm_options options = {
         .usage = "portmet-train correct FIELDS --by FILE -o FILE [options]",
@@ -27,7 +22,7 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
             "discrepancy is interpolated. The result has the node numbers of the known fields.",
         .examples = "portmet-train correct simulated.h5 --by known.h5 -o corrected.h5",
         .positional_name = "FIELDS",
-        .positional = &a.fields,
+        .positional = &fields,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
@@ -39,15 +34,15 @@ pm_status pm_command_correct(int argc, char **argv, const volatile sig_atomic_t 
     int count = 0, *which = NULL;
     const char *list = "";
     pm_status status;
-    PM_TRY_DONE(pm_field_load(&own, a.fields));
-    PM_TRY_DONE(pm_field_load(&known, a.known));
-    PM_TRY_DONE(pm_trajectories_list(a.trajectories, known->ntrajectory, &arena, &which, &count));
-    PM_TRY_DONE(pm_fields_check(a.output));
+    PM_TRY_DONE(pm_field_load(&own, fields));
+    PM_TRY_DONE(pm_field_load(&known, better));
+    PM_TRY_DONE(pm_trajectories_list(trajectories, known->ntrajectory, &arena, &which, &count));
+    PM_TRY_DONE(pm_fields_check(output));
     for (int i = 0; i < count && list != NULL; ++i) {
         list = pm_arena_printf(&arena, "%s%s%d", list, i > 0 ? "," : "", which[i]);
     }
     PM_TRY_DONE(pm_arena_status(&arena, "a list of trajectories"));
-    const char *const argument[] = {"correct", a.output, command, list, a.fields, a.known, NULL};
+    const char *const argument[] = {"correct", output, command, list, fields, better, NULL};
     status = pm_python_run(&pm_python_pictures, argument, false);
 done:
     pm_arena_free(&arena);

@@ -7,25 +7,21 @@
 #include "bodies/bodies.h"
 #include "bodies/solid/solid_nodes.h"
 
-typedef struct nodes_arguments {
-    const char *fields, *mesh, *trajectories, *output;
-} nodes_arguments;
-
 pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    nodes_arguments a = {0};
+    const char *fields = NULL, *mesh = NULL, *trajectories = NULL, *output = NULL;
     double temperature = PM_DEFAULT_TEMPERATURE;
     int64_t nstate = 0; // 0: all
     const pm_option table[] = {
-        {"--mesh", NULL, "FILE", NULL, &a.mesh, true, .help = "mesh to write (HDF5)",
+        {"--mesh", NULL, "FILE", NULL, &mesh, true, .help = "mesh to write (HDF5)",
          .is_output = true, .kind = PM_FILES_HDF5},
         {"--temperature", NULL, "T", .positive = &temperature,
          .help = "K, at which dissipated energy becomes entropy (default: 300)"},
         {"--states", NULL, "N", .count = &nstate, .least = 1, .most = INT32_MAX,
          .help = "write only the first N states of each trajectory"},
-        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+        {"--trajectories", NULL, "LIST", NULL, &trajectories, false,
          .help = "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
-        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "dataset to write (HDF5)",
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "dataset to write (HDF5)",
          .is_output = true, .kind = PM_FILES_HDF5},
     };
     const pm_options options = {
@@ -35,7 +31,7 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
                    "`reconstruct` turns nodal values into fields again.",
         .examples = "portmet-train nodes fields.h5 --mesh mesh.h5 -o nodes.h5",
         .positional_name = "FIELDS",
-        .positional = &a.fields,
+        .positional = &fields,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
@@ -46,22 +42,22 @@ pm_status pm_command_nodes(int argc, char **argv, const volatile sig_atomic_t *s
     pm_dataset *nodes = NULL;
     pm_solid_data data;
     pm_status status;
-    PM_TRY_DONE(pm_field_load(&field, a.fields));
+    PM_TRY_DONE(pm_field_load(&field, fields));
     nstate = nstate == 0 ? field->ntime : nstate;
     if (nstate > field->ntime) {
         PM_TRY_DONE(pm_fail(PM_EUSAGE, "--states: expected a whole number up to %d, found %" PRId64,
                             field->ntime, nstate));
     }
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
-    PM_TRY_DONE(pm_options_list(a.trajectories, field->ntrajectory, data.trajectory, &data.count));
-    PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, a.mesh));
-    printf("wrote %s: %d nodes, %d bricks\n", a.mesh, data.mesh.nnode, data.mesh.nelement);
+    PM_TRY_DONE(pm_options_list(trajectories, field->ntrajectory, data.trajectory, &data.count));
+    PM_TRY_DONE(pm_solid_mesh_save(&data.mesh, mesh));
+    printf("wrote %s: %d nodes, %d bricks\n", mesh, data.mesh.nnode, data.mesh.nelement);
     PM_TRY_DONE(pm_solid_nodes_dataset(&nodes, &data, (int)nstate, temperature));
-    PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", a.fields));
+    PM_TRY_DONE(pm_dataset_note(nodes, "title", "Nodal values of %s", fields));
     PM_TRY_DONE(pm_dataset_note(nodes, "source", "portmet-train nodes"));
     PM_TRY_DONE(pm_dataset_note(nodes, "command", "%s", command));
-    PM_TRY_DONE(pm_dataset_save(nodes, a.output));
-    printf("wrote %s: %d trajector%s of %d states, %d columns\n", a.output, nodes->ntrajectory,
+    PM_TRY_DONE(pm_dataset_save(nodes, output));
+    printf("wrote %s: %d trajector%s of %d states, %d columns\n", output, nodes->ntrajectory,
            nodes->ntrajectory == 1 ? "y" : "ies", nodes->ntime, nodes->ncolumn);
 done:
     pm_dataset_free(nodes);

@@ -13,28 +13,24 @@
 
 #define MOST_FIELDS 16
 
-typedef struct picture_arguments {
-    const char *path[MOST_FIELDS + 1]; // NULL after the last
-    const char *trajectory, *time, *output, *beside;
-    bool error;
-} picture_arguments;
-
 pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    picture_arguments a = {.path = {NULL}};
+    const char *field[MOST_FIELDS + 1] = {NULL}; // NULL after the last
+    const char *trajectory = NULL, *time = NULL, *output = NULL, *beside = NULL;
+    bool error = false;
     const pm_option table[] = {
-        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "picture to write (PNG)",
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "picture to write (PNG)",
          .is_output = true},
-        {"--beside", NULL, "LIST", NULL, &a.beside, false,
+        {"--beside", NULL, "LIST", NULL, &beside, false,
          .help = "fields of the same bodies, joined by commas, to draw in a scene below, as "
                  "learned below "
                  "true"},
-        {"--trajectory", NULL, "I[,J]", NULL, &a.trajectory, false,
+        {"--trajectory", NULL, "I[,J]", NULL, &trajectory, false,
          .help = "draw trajectory I, and J (default: I) of the fields of --beside, counted from 0 "
                  "(default: 0)"},
-        {"--time", NULL, "T", NULL, &a.time, false,
+        {"--time", NULL, "T", NULL, &time, false,
          .help = "s; draw the state nearest to it (default: the last)"},
-        {"--error", NULL, NULL, &a.error, NULL, false,
+        {"--error", NULL, NULL, &error, NULL, false,
          .help = "draw the difference of the stresses of two fields, or of those of --beside and "
                  "FIELDs, "
                  "in a further panel"},
@@ -47,20 +43,20 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
             "whose files contain a placement are drawn in one scene, others in panels.",
         .examples = "portmet-train picture true.h5 learned.h5 --time 0.85 -o bodies.png",
         .positional_name = "FIELD",
-        .positional = a.path,
+        .positional = field,
         .most = MOST_FIELDS,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
     char path[PATH_MAX];
-    for (const char *at = a.beside; at != NULL && *at != '\0';) {
+    for (const char *at = beside; at != NULL && *at != '\0';) {
         const int length = (int)strcspn(at, ",");
         snprintf(path, sizeof path, "%.*s", length, at);
         pm_files_note_input(path);
         at += length + (at[length] == ',');
     }
-    PM_TRY(pm_files_check_output(a.output, PM_FILES_PICTURE));
-    snprintf(path, sizeof path, "%.*s", (int)pm_path_stem(a.output), a.output);
+    PM_TRY(pm_files_check_output(output, PM_FILES_PICTURE));
+    snprintf(path, sizeof path, "%.*s", (int)pm_path_stem(output), output);
     PM_TRY(pm_python_check_pictures("bodies", path));
     const char **argument = calloc((size_t)argc + 1, sizeof *argument);
     PM_TRY(pm_allocated(argument, "a picture"));
@@ -69,6 +65,6 @@ pm_status pm_command_picture(int argc, char **argv, const volatile sig_atomic_t 
     const pm_status status = pm_python_run(&pm_python_pictures, argument, false);
     free(argument);
     PM_TRY(status);
-    printf("wrote %s\n", a.output);
+    printf("wrote %s\n", output);
     return PM_OK;
 }

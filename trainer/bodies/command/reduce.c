@@ -3,17 +3,12 @@
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
-#include <string.h>
 
 #include "base/options.h"
 #include "bodies/bodies.h"
 #include "bodies/command/fields.h"
 #include "bodies/modal/reduce.h"
 #include "store/yaml.h"
-
-typedef struct reduce_arguments {
-    const char *configuration, *data, *basis, *trajectories, *output;
-} reduce_arguments;
 
 static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings *settings) {
     static const char *const sections[] = {"any", "square", NULL};
@@ -60,15 +55,15 @@ static pm_status read_settings(pm_yaml root, pm_arena *arena, pm_reduce_settings
 
 pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *stop) {
     (void)stop;
-    reduce_arguments a;
-    memset(&a, 0, sizeof a);
+    const char *configuration = NULL, *data = NULL, *given = NULL, *trajectories = NULL;
+    const char *output = NULL;
     const pm_option table[] = {
-        {"--data", "-d", "FILE", NULL, &a.data, true, .help = "fields of the body (HDF5)"},
-        {"--basis", "-b", "FILE", NULL, &a.basis, false,
+        {"--data", "-d", "FILE", NULL, &data, true, .help = "fields of the body (HDF5)"},
+        {"--basis", "-b", "FILE", NULL, &given, false,
          .help = "project on this basis instead of making one as CONFIG says"},
-        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+        {"--trajectories", NULL, "LIST", NULL, &trajectories, false,
          .help = "only these, such as 0:40 (not including 40), 0,3,6:9, or 40: (to the last)"},
-        {"--output", "-o", "DIR", NULL, &a.output, true,
+        {"--output", "-o", "DIR", NULL, &output, true,
          .help = "write modes.h5 into DIR, and basis.h5 unless --basis is given"},
     };
     const pm_options options = {
@@ -80,7 +75,7 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
             "fields again.",
         .examples = "portmet-train reduce configs/modes/beam.yaml --data beam.h5 -o reduced",
         .positional_name = "CONFIG",
-        .positional = &a.configuration,
+        .positional = &configuration,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
@@ -95,18 +90,18 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
     pm_reduce_settings settings = {0};
     int count = 0, *trajectory = NULL;
     pm_status status;
-    PM_TRY_DONE(pm_yaml_open(&document, a.configuration, &root));
-    PM_TRY_DONE(pm_field_load(&field, a.data));
-    PM_TRY_DONE(pm_options_folder(a.output));
+    PM_TRY_DONE(pm_yaml_open(&document, configuration, &root));
+    PM_TRY_DONE(pm_field_load(&field, data));
+    PM_TRY_DONE(pm_options_folder(output));
     PM_TRY_DONE(read_settings(root, &arena, &settings));
     const pm_yaml own = pm_yaml_get(root, "trajectories");
-    if (a.trajectories == NULL && a.basis == NULL && pm_yaml_exists(own)) {
-        PM_TRY_DONE(pm_yaml_text(own, &arena, &a.trajectories));
+    if (trajectories == NULL && given == NULL && pm_yaml_exists(own)) {
+        PM_TRY_DONE(pm_yaml_text(own, &arena, &trajectories));
     }
     PM_TRY_DONE(
-        pm_trajectories_list(a.trajectories, field->ntrajectory, &arena, &trajectory, &count));
-    if (a.basis != NULL) {
-        PM_TRY_DONE(pm_basis_load(&basis, a.basis));
+        pm_trajectories_list(trajectories, field->ntrajectory, &arena, &trajectory, &count));
+    if (given != NULL) {
+        PM_TRY_DONE(pm_basis_load(&basis, given));
     } else {
         PM_TRY_DONE(pm_reduce_fit(&basis, field, count, trajectory, &settings));
         printf("modes             %d, of which %d carry the energy; %d features\n", basis->nmode,
@@ -120,14 +115,14 @@ pm_status pm_command_reduce(int argc, char **argv, const volatile sig_atomic_t *
             printf("%s%.3g s", i == 0 ? "retardation       " : ", ", basis->retardation[i]);
         }
         printf(basis->nretardation > 0 ? "\n" : "");
-        const char *path = pm_arena_printf(&arena, "%s/basis.h5", a.output);
+        const char *path = pm_arena_printf(&arena, "%s/basis.h5", output);
         PM_TRY_DONE(pm_arena_status(&arena, "a path"));
         PM_TRY_DONE(pm_basis_save(basis, path, command));
     }
     // A dataset to train on contains the symmetric copies; a mere projection does not.
     PM_TRY_DONE(pm_reduce_project(&modes, basis, field, count, trajectory,
-                                  settings.square && a.basis == NULL, PM_LOADS_OF_ALL));
-    status = pm_modes_save(modes, basis, a.data, "reduce", command, a.output);
+                                  settings.square && given == NULL, PM_LOADS_OF_ALL));
+    status = pm_modes_save(modes, basis, data, "reduce", command, output);
 done:
     pm_dataset_free(modes);
     pm_arena_free(&arena);

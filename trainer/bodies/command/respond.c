@@ -14,10 +14,6 @@
 #include "scene/weights.h"
 #include "sim/score.h"
 
-typedef struct respond_arguments {
-    const char *fields, *weights, *trajectories, *plot, *output;
-} respond_arguments;
-
 // The residual of a step that counts as rounding, relative to the largest energy so far.
 #define ROUNDING (1e5 * DBL_EPSILON)
 
@@ -166,15 +162,15 @@ static pm_status plot_errors(int nscore, int count, const response *r, const cha
 }
 
 pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    respond_arguments a = {0};
+    const char *fields = NULL, *weights = NULL, *trajectories = NULL, *plot = NULL, *output = NULL;
     const pm_option table[] = {
-        {"--weights", "-w", "FILE", NULL, &a.weights, true,
+        {"--weights", "-w", "FILE", NULL, &weights, true,
          .help = "weights that `solid` has written"},
-        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+        {"--trajectories", NULL, "LIST", NULL, &trajectories, false,
          .help = "only these, such as 0:20 (not including 20), 0,3,6:9, or 40: (to the last)"},
-        {"--plot", NULL, "DIR", NULL, &a.plot, false,
+        {"--plot", NULL, "DIR", NULL, &plot, false,
          .help = "draw box plots of the errors (gnuplot)"},
-        {"--output", "-o", "FILE", NULL, &a.output, false,
+        {"--output", "-o", "FILE", NULL, &output, false,
          .help = "fields to write (HDF5, with XDMF)", .is_output = true, .kind = PM_FILES_HDF5},
     };
     const pm_options options = {
@@ -186,7 +182,7 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
             "every step.",
         .examples = "portmet-train respond fields.h5 --weights material.h5 -o learned.h5",
         .positional_name = "FIELDS",
-        .positional = &a.fields,
+        .positional = &fields,
         PM_OPTION_TABLE(table),
     };
     PM_TRY(pm_options_read(&options, argc, argv));
@@ -200,18 +196,18 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
     pm_part part = {0};
     pm_provenance provenance;
     pm_status status;
-    PM_TRY_DONE(pm_weights_load(a.weights, &arena, pm_component_of_part(&part), &provenance));
+    PM_TRY_DONE(pm_weights_load(weights, &arena, pm_component_of_part(&part), &provenance));
     if (pm_part_kind_of(&part) != PM_PART_SOLID) {
-        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: expected weights of a solid", a.weights));
+        PM_TRY_DONE(pm_fail(PM_EWEIGHTS, "%s: expected weights of a solid", weights));
     }
-    PM_TRY_DONE(a.plot == NULL ? PM_OK : pm_python_check_pictures("boxes", a.plot));
-    PM_TRY_DONE(pm_fields_check(a.output));
+    PM_TRY_DONE(plot == NULL ? PM_OK : pm_python_check_pictures("boxes", plot));
+    PM_TRY_DONE(pm_fields_check(output));
     pm_solid_material_read(part.spec.solid, &part.params, &material);
-    PM_TRY_DONE(pm_field_load(&field, a.fields));
+    PM_TRY_DONE(pm_field_load(&field, fields));
     PM_TRY_DONE(pm_solid_data_open(&data, field, &arena));
-    PM_TRY_DONE(pm_options_list(a.trajectories, field->ntrajectory, data.trajectory, &data.count));
+    PM_TRY_DONE(pm_options_list(trajectories, field->ntrajectory, data.trajectory, &data.count));
     PM_TRY_DONE(pm_solid_open(&solid, &data.mesh, &material));
-    if (a.output != NULL) {
+    if (output != NULL) {
         const pm_field_shape shape = {.ntrajectory = data.count,
                                       .ntime = field->ntime,
                                       .nnode = field->nnode,
@@ -237,10 +233,10 @@ pm_status pm_command_respond(int argc, char **argv, const volatile sig_atomic_t 
     }
     const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     print_report(nscore, data.count, r, seconds, work + 9 * nnode);
-    PM_TRY_DONE(a.plot == NULL ? PM_OK : plot_errors(nscore, data.count, r, a.plot));
-    status = a.output == NULL ? PM_OK
-                              : pm_fields_save(to, a.output, "Response of a learned body",
-                                               "portmet-train respond", command);
+    PM_TRY_DONE(plot == NULL ? PM_OK : plot_errors(nscore, data.count, r, plot));
+    status = output == NULL ? PM_OK
+                            : pm_fields_save(to, output, "Response of a learned body",
+                                             "portmet-train respond", command);
 done:
     pm_solid_close(solid);
     pm_part_free(&part);

@@ -1,6 +1,5 @@
 // portmet-train solid: learns the material of a body from its fields.
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #include "base/files.h"
@@ -12,11 +11,6 @@
 
 #define MOST_FIELDS 16
 
-typedef struct solid_arguments {
-    const char *path[MOST_FIELDS + 1]; // NULL after the last
-    const char *trajectories, *output;
-} solid_arguments;
-
 static void print_score(void *context, int iteration, const double score[PM_SOLID_NSCORE]) {
     (void)context;
     printf("%9d %12.4f %12.4f %12.4f %12.4f\n", iteration, 100 * score[PM_SOLID_DISPLACEMENT],
@@ -26,8 +20,8 @@ static void print_score(void *context, int iteration, const double score[PM_SOLI
 }
 
 pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *stop) {
-    solid_arguments a;
-    memset(&a, 0, sizeof a);
+    const char *path[MOST_FIELDS + 1] = {NULL}; // NULL after the last
+    const char *trajectories = NULL, *output = NULL;
     int64_t nbranch = 2, nunit = 0, iterations = 12;
     const pm_option table[] = {
         {"--branches", NULL, "N", .count = &nbranch, .most = PM_SOLID_MAX_BRANCHES,
@@ -36,9 +30,9 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
          .help = "hidden units of each learned function, 0 to 16 (default: 0)"},
         {"--iterations", NULL, "N", .count = &iterations, .most = 1000,
          .help = "the most iterations of each of the two stages (default: 12)"},
-        {"--trajectories", NULL, "LIST", NULL, &a.trajectories, false,
+        {"--trajectories", NULL, "LIST", NULL, &trajectories, false,
          .help = "only these of each file, such as 0:3 (not including 3), or 0,3,6:9"},
-        {"--output", "-o", "FILE", NULL, &a.output, true, .help = "weights to write (HDF5)",
+        {"--output", "-o", "FILE", NULL, &output, true, .help = "weights to write (HDF5)",
          .is_output = true, .kind = PM_FILES_WEIGHTS},
     };
     const pm_options options = {
@@ -49,7 +43,7 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
             "mesh of bricks. FIELD is a file such as `truth` writes for bodies on a mesh.",
         .examples = "portmet-train solid small_beam.h5 -o material.h5",
         .positional_name = "FIELD",
-        .positional = a.path,
+        .positional = path,
         .most = MOST_FIELDS,
         PM_OPTION_TABLE(table),
     };
@@ -69,10 +63,10 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
                                       .data = data,
                                       .stop = stop,
                                       .tell = print_score};
-    for (int i = 0; a.path[i] != NULL; ++i) {
-        PM_TRY_DONE(pm_field_load(&field[i], a.path[i]));
+    for (int i = 0; path[i] != NULL; ++i) {
+        PM_TRY_DONE(pm_field_load(&field[i], path[i]));
         PM_TRY_DONE(pm_solid_data_open(&data[i], field[i], &arena));
-        PM_TRY_DONE(pm_options_list(a.trajectories, field[i]->ntrajectory, data[i].trajectory,
+        PM_TRY_DONE(pm_options_list(trajectories, field[i]->ntrajectory, data[i].trajectory,
                                     &data[i].count));
         settings.ndata = i + 1;
     }
@@ -97,13 +91,13 @@ pm_status pm_command_solid(int argc, char **argv, const volatile sig_atomic_t *s
     }
     const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     const pm_provenance provenance = {.command = command,
-                                      .data = a.path[0],
-                                      .trajectories = a.trajectories,
+                                      .data = path[0],
+                                      .trajectories = trajectories,
                                       .seed = 1,
                                       .loss = loss,
                                       .seconds = seconds};
-    PM_TRY_DONE(pm_weights_save(a.output, pm_component_of_part(&part), &provenance));
-    printf("wrote %s: %zu weights, %.0f s of CPU time\n", a.output, pm_params_trained(&part.params),
+    PM_TRY_DONE(pm_weights_save(output, pm_component_of_part(&part), &provenance));
+    printf("wrote %s: %zu weights, %.0f s of CPU time\n", output, pm_params_trained(&part.params),
            seconds);
 done:
     pm_part_free(&part);
