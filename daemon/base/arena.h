@@ -60,6 +60,19 @@ void pm_arena_free(pm_arena *arena);
 // PM_TRY(PM_NEW(run, "a run")). It needs the declaration of calloc. PM_ENOMEM.
 #define PM_NEW(pointer, what) pm_allocated((pointer) = calloc(1, sizeof *(pointer)), "%s", what)
 
+// Ends a function that has made an object with PM_NEW: hands it to the caller at `place`, or, if an
+// allocation of its member `arena` failed, frees it and returns what pm_arena_status does.
+#define PM_RETURN_NEW(place, object, what)                                              \
+    do {                                                                                \
+        const pm_status pm_new_status_ = pm_arena_status(&(object)->arena, "%s", what); \
+        if (pm_new_status_ != PM_OK) {                                                  \
+            PM_DELETE(object);                                                          \
+            return pm_new_status_;                                                      \
+        }                                                                               \
+        *(place) = (object);                                                            \
+        return PM_OK;                                                                   \
+    } while (0)
+
 // Frees an object that PM_NEW has allocated, and its member `arena`. NULL is allowed.
 #define PM_DELETE(object)                    \
     do {                                     \

@@ -33,13 +33,7 @@ static pm_status dataset_alloc(pm_dataset **dataset, int ntrajectory, int ntime,
     d->ncolumn = ncolumn;
     d->t = pm_arena_array(&d->arena, (size_t)ntime, sizeof *d->t);
     d->z = pm_arena_array(&d->arena, nstate, (size_t)ncolumn * sizeof *d->z);
-    const pm_status status = pm_arena_status(&d->arena, "a dataset");
-    if (status != PM_OK) {
-        pm_dataset_free(d);
-        return status;
-    }
-    *dataset = d;
-    return PM_OK;
+    PM_RETURN_NEW(dataset, d, "a dataset");
 }
 
 pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int ncolumn, double dt,
@@ -54,14 +48,8 @@ pm_status pm_dataset_new(pm_dataset **dataset, int ntrajectory, int ntime, int n
     for (int i = 0; name != NULL && i < ncolumn; ++i) {
         name[i] = pm_arena_strdup(&d->arena, column[i]);
     }
-    const pm_status status = pm_arena_status(&d->arena, "the columns of a dataset");
-    if (status != PM_OK) {
-        pm_dataset_free(d);
-        return status;
-    }
     d->column = name;
-    *dataset = d;
-    return PM_OK;
+    PM_RETURN_NEW(dataset, d, "the columns of a dataset");
 }
 
 void pm_dataset_free(pm_dataset *dataset) {

@@ -79,13 +79,7 @@ static pm_status field_alloc(pm_field **field, pm_field_shape shape) {
     if (shape.contact) {
         d->contact = pm_arena_array(&d->arena, nstate * nnode, 3 * sizeof *d->contact);
     }
-    const pm_status status = pm_arena_status(&d->arena, "a field");
-    if (status != PM_OK) {
-        pm_field_free(d);
-        return status;
-    }
-    *field = d;
-    return PM_OK;
+    PM_RETURN_NEW(field, d, "a field");
 }
 
 pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const char *variable) {
@@ -97,17 +91,11 @@ pm_status pm_field_new(pm_field **field, pm_field_shape shape, double dt, const 
     d->energy = pm_arena_array(&d->arena, nstate, PM_FIELD_ENERGIES * sizeof *d->energy);
     d->variable = pm_arena_strdup(&d->arena, variable);
     d->contact_work = pm_arena_array(&d->arena, nstate, sizeof *d->contact_work);
-    const pm_status status = pm_arena_status(&d->arena, "a field");
-    if (status != PM_OK) {
-        pm_field_free(d);
-        return status;
-    }
     d->dt = dt;
     for (int j = 0; j < d->ntime; ++j) {
         d->t[j] = j * dt;
     }
-    *field = d;
-    return PM_OK;
+    PM_RETURN_NEW(field, d, "a field");
 }
 
 // --- loading ---
@@ -299,7 +287,7 @@ pm_status pm_field_save(const pm_field *d, const char *path, int count,
     }
     if (d->contact != NULL) {
         total = calloc(3 * nstate, sizeof *total);
-        PM_TRY_DONE(total == NULL ? pm_fail(PM_ENOMEM, "out of memory for a field") : PM_OK);
+        PM_TRY_DONE(pm_allocated(total, "a field"));
         for (size_t i = 0; i < nstate * width; ++i) {
             total[3 * (i / width) + i % 3] += d->contact[i];
         }

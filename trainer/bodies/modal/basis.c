@@ -14,17 +14,11 @@
 
 #define LARGEST 100000 // nodes or elements that a file may ask for
 
-static pm_status no_memory(void) {
-    return pm_fail(PM_ENOMEM, "out of memory for a basis");
-}
-
 // --- memory ---
 
 pm_status pm_basis_new(pm_basis **basis, int nnode, int nmode, int nstate, int nlead) {
-    pm_basis *b = calloc(1, sizeof *b);
-    if (b == NULL) {
-        return no_memory();
-    }
+    pm_basis *b = NULL;
+    PM_TRY(PM_NEW(b, "a basis"));
     b->nnode = nnode;
     b->nmode = nmode;
     b->nstate = nstate;
@@ -34,13 +28,7 @@ pm_status pm_basis_new(pm_basis **basis, int nnode, int nmode, int nstate, int n
     b->mode = pm_arena_array(&b->arena, (size_t)nmode * width, sizeof *b->mode);
     b->stiffness = pm_arena_array(&b->arena, (size_t)nmode, sizeof *b->stiffness);
     b->lead_scale = pm_arena_array(&b->arena, (size_t)nlead, sizeof *b->lead_scale);
-    const pm_status status = pm_arena_status(&b->arena, "a basis");
-    if (status != PM_OK) {
-        pm_basis_free(b);
-        return status;
-    }
-    *basis = b;
-    return PM_OK;
+    PM_RETURN_NEW(basis, b, "a basis");
 }
 
 pm_status pm_basis_add_mesh(pm_basis *basis, int nelement) {
@@ -362,7 +350,7 @@ pm_status pm_basis_save(const pm_basis *b, const char *path, const char *command
     if (l->nsection > 0) {
         const int shape[4] = {2 * l->reach + 1, 3 * l->nloaded, l->nper, PM_LOCAL_TENSOR};
         carries = calloc((size_t)b->nnode, sizeof *carries);
-        PM_TRY_DONE(carries == NULL ? no_memory() : PM_OK);
+        PM_TRY_DONE(pm_allocated(carries, "a basis"));
         for (int i = 0; i < l->nloaded; ++i) {
             carries[l->node[l->loaded[i]]] = 1; // marked in the first section, for all sections
         }
