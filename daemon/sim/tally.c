@@ -145,16 +145,21 @@ void pm_tally_add_fluxes(pm_tally *tally, int form, int count, int first, const 
     }
 }
 
-void pm_tally_add_counts(pm_tally *tally, int id, long evaluated, long skipped, long outside) {
-    tally->evaluated += (double)evaluated;
-    tally->skipped += (double)skipped;
-    tally->nout_of_range += outside > 0;
-    const double steps = (double)outside;
+// Notes the steps outside the training range of a subsystem that has left it; the first one of the
+// subsystems with most such steps counts.
+static void note_outside(pm_tally *tally, double steps, double id) {
     if (steps > tally->worst_steps ||
         (steps == tally->worst_steps && id < tally->worst_subsystem)) {
         tally->worst_steps = steps;
         tally->worst_subsystem = id;
     }
+}
+
+void pm_tally_add_counts(pm_tally *tally, int id, long evaluated, long skipped, long outside) {
+    tally->evaluated += (double)evaluated;
+    tally->skipped += (double)skipped;
+    tally->nout_of_range += outside > 0;
+    note_outside(tally, (double)outside, id);
 }
 
 // --- samples ---
@@ -239,12 +244,7 @@ void pm_tally_merge(pm_tally *tally, const pm_tally *other) {
     tally->evaluated += other->evaluated;
     tally->skipped += other->skipped;
     tally->nout_of_range += other->nout_of_range;
-    if (other->worst_steps > tally->worst_steps ||
-        (other->worst_steps == tally->worst_steps &&
-         other->worst_subsystem < tally->worst_subsystem)) {
-        tally->worst_steps = other->worst_steps;
-        tally->worst_subsystem = other->worst_subsystem;
-    }
+    note_outside(tally, other->worst_steps, other->worst_subsystem);
 }
 
 pm_tally_worst pm_tally_worst_of(const pm_tally *tally, pm_tally_law law, int form) {
