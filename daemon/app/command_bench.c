@@ -11,7 +11,6 @@
 #include "app/prepare.h"
 #include "base/journal.h"
 #include "base/options.h"
-#include "base/progress.h"
 #include "base/python.h"
 #include "sim/score.h"
 #include "study/rollout.h"
@@ -390,8 +389,7 @@ static pm_status report(const bench *b, double target) {
         char *changed = strdup(b->text);
         pm_stepping stepping = best->stepping;
         stepping.steps = b->base.scene->run.steps;
-        pm_status status =
-            changed == NULL ? pm_fail(PM_ENOMEM, "out of memory for a scene") : PM_OK;
+        pm_status status = pm_allocated(changed, "a scene");
         if (status == PM_OK) {
             status = pm_scene_text_put_time(&changed, &stepping);
         }

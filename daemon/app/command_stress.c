@@ -9,7 +9,6 @@
 #include "app/prepare.h"
 #include "base/journal.h"
 #include "base/options.h"
-#include "base/progress.h"
 #include "base/python.h"
 #include "study/rollout.h"
 

@@ -208,9 +208,7 @@ pm_status pm_view_server_open(pm_view_server **server, const char *address, int 
             file->size += strlen(file->line[k]);
         }
         file->text = malloc(LWS_PRE + file->size + 1);
-        PM_TRY_DONE(file->text != NULL
-                        ? PM_OK
-                        : pm_fail(PM_ENOMEM, "out of memory for the page of a view"));
+        PM_TRY_DONE(pm_allocated(file->text, "the page of a view"));
         char *at = (char *)file->text + LWS_PRE;
         for (int k = 0; file->line[k] != NULL; ++k) {
             at = stpcpy(at, file->line[k]);

@@ -245,9 +245,7 @@ static pm_status write_functions(scene_writer *w) {
     }
     size_t size = 0;
     FILE *file = open_memstream(&w->functions, &size);
-    if (file == NULL) {
-        return pm_fail(PM_ENOMEM, "out of memory for a source file");
-    }
+    PM_TRY(pm_allocated(file, "a source file"));
     pm_source_prelude(file);
     int outside = 0; // numbers that leave: energy and entropy through each end
     for (int i = 0; i < 2 * physics->nport; ++i) {

@@ -391,9 +391,7 @@ static pm_status build(pm_program *p, memory_plan *plan, int count, const pm_nod
     }
     p->memory_size = plan->pool.end > 0 ? plan->pool.end : ALIGNMENT;
     p->memory = aligned_alloc(ALIGNMENT * sizeof(double), p->memory_size * sizeof(double));
-    PM_TRY(p->memory != NULL
-               ? PM_OK
-               : pm_fail(PM_ENOMEM, "out of memory for %zu numbers of a program", p->memory_size));
+    PM_TRY(pm_allocated(p->memory, "%zu numbers of a program", p->memory_size));
     memset(p->memory, 0, p->memory_size * sizeof(double));
     resolve_values(p, plan);
     for (int fixed = 1; fixed >= 0; --fixed) {

@@ -495,10 +495,8 @@ int portmet_fleet_open(portmet_fleet **fleet, const portmet_scene *scene, int64_
     if (scene->remote != NULL) {
         return (int)pm_fail(PM_EUSAGE, "scene %s is stepped elsewhere", scene_name(scene));
     }
-    portmet_fleet *f = calloc(1, sizeof *f);
-    if (f == NULL) {
-        return (int)pm_fail(PM_ENOMEM, "out of memory for copies");
-    }
+    portmet_fleet *f = NULL;
+    PM_TRY(PM_NEW(f, "copies"));
     atomic_flag_clear(&f->busy);
     const pm_status status = pm_fleet_open(&f->fleet, &scene->setup, count, threads);
     if (status != PM_OK) {

@@ -53,7 +53,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "base/progress.h"
 #include "base/rng.h"
 #include "lockstep/lookahead.h"
 #include "transport/channel.h"

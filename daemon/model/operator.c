@@ -843,7 +843,7 @@ static pm_status declare_matrix(const pm_operator *op, const pm_site *site, cons
         return pm_network_declare(network, &site->symbols, nout, NULL, params, name);
     }
     double *start = malloc((size_t)nout * sizeof *start);
-    PM_TRY(start != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for an operator"));
+    PM_TRY(pm_allocated(start, "an operator"));
     // An operator with `heats` that acts on these entropies alone conducts heat between them.
     // Others start from the numbers that the spread of the network draws.
     bool conducts = op->spec->nacts > 0;

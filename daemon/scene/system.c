@@ -88,7 +88,7 @@ pm_status pm_system_declare(pm_system *system, int component) {
     const char *text = c->kind->write_spec(c->spec, &arena);
     c->provenance->digest = text == NULL ? 0 : pm_component_digest(c, text);
     pm_arena_free(&arena);
-    return text == NULL ? pm_fail(PM_ENOMEM, "out of memory for the text of a model") : PM_OK;
+    return pm_allocated(text, "the text of a model");
 }
 
 // --- solids ---

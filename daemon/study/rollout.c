@@ -29,7 +29,7 @@ pm_status pm_rollout_open(pm_setup *setup, const pm_setup *base, const char *tex
     pm_scene *scene = NULL;
     char *changed = strdup(text);
     *setup = (pm_setup){0};
-    pm_status status = changed == NULL ? pm_fail(PM_ENOMEM, "out of memory for a scene") : PM_OK;
+    pm_status status = pm_allocated(changed, "a scene");
     PM_TRY_DONE(status);
     PM_TRY_DONE(pm_scene_text_put_time(&changed, stepping));
     PM_TRY_DONE(pm_scene_parse(&scene, changed, base->scene->path));

@@ -39,7 +39,7 @@ static pm_status propose(pm_fit_arguments *a, const volatile sig_atomic_t *stop,
     PM_TRY(pm_options_folder(a->output));
     const size_t size = strlen(a->output) + sizeof "/training.yaml";
     *training = malloc(size);
-    PM_TRY(*training != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a path"));
+    PM_TRY(pm_allocated(*training, "a path"));
     snprintf(*training, size, "%s/training.yaml", a->output);
     pm_status status = PM_OK;
     if (pm_team_leads(a->team) && (!a->resume || access(*training, R_OK) != 0)) {

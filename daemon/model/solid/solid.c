@@ -621,7 +621,7 @@ static pm_status step(pm_solid *s, double h, const double *f, int halves) {
         return pm_fail(PM_ENUMERIC, "solid: no balance of forces, not even in steps of %g s", h);
     }
     double *middle = malloc((size_t)n * sizeof *middle);
-    PM_TRY(middle != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a step of a solid"));
+    PM_TRY(pm_allocated(middle, "a step of a solid"));
     memcpy(s->trial, s->u, (size_t)n * sizeof *s->trial);
     pm_solid_forces(s, 0); // the state is not turned inside out
     for (int i = 0; i < n; ++i) {

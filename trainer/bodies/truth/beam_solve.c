@@ -493,7 +493,7 @@ static pm_status step(pm_beam *beam, double h, const double *f, int depth,
     }
     const size_t size = 3 * (size_t)beam->mesh->nnode * sizeof *f;
     double *middle = malloc(size);
-    PM_TRY(middle != NULL ? PM_OK : pm_fail(PM_ENOMEM, "out of memory for a beam"));
+    PM_TRY(pm_allocated(middle, "a beam"));
     for (int i = 0; i < 3 * beam->mesh->nnode; ++i) {
         middle[i] = (beam->f[i] + f[i]) / 2;
     }
