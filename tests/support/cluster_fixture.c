@@ -209,6 +209,11 @@ void cluster_close(cluster *c) {
     fixture_close(&c->f);
 }
 
+void cluster_end(cluster *c) {
+    cluster_close(c);
+    pm_hub_close(c->hub);
+}
+
 long cluster_node_step(const pm_lockstep_node *node) {
     return (long)node->step;
 }

@@ -59,6 +59,8 @@ void cluster_add(cluster *c, int i, const pm_system *system, int64_t session);
 // Does what cluster_open does, and opens all nodes.
 void cluster_open_all(cluster *c, int count, int window, pm_hub *hub, int64_t session);
 void cluster_close(cluster *c);
+// Closes the cluster and its hub, which is to have no other endpoint.
+void cluster_end(cluster *c);
 
 // For node i, or the coordinator if i = count: cluster_kill closes it without a message,
 // cluster_return starts it again with the same options, and cluster_has returns true if it exists.

@@ -24,8 +24,7 @@ static void test_same_bits_as_plain_loop(void **context) {
             // No waiting but for the nodes' lingering at the end.
             assert_true(cluster_run(&c) < 0.19);
             assert_all_ok(&c);
-            cluster_close(&c);
-            pm_hub_close(hub);
+            cluster_end(&c);
         }
     }
 }
@@ -43,8 +42,7 @@ static void test_same_bits_in_any_processes(void **context) {
             cluster_open_dealt(&c, MAX_NODES, count, 1 + 5 * (int)seed, hub);
             cluster_run(&c);
             assert_all_ok(&c);
-            cluster_close(&c);
-            pm_hub_close(hub);
+            cluster_end(&c);
         }
     }
 }
@@ -60,8 +58,7 @@ static void test_same_bits_under_faults(void **context) {
         cluster_open_all(&c, 2 + (int)(seed % 4), 1 + (int)(seed % 3), hub, 0);
         cluster_run(&c);
         assert_all_ok(&c);
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 
@@ -77,8 +74,7 @@ static void test_no_requests_without_loss(void **context) {
             assert_int_equal(drops->count[drop], 0);
         }
     }
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void count_message(void *context, const char *channel, const void *data, size_t size) {
@@ -111,9 +107,8 @@ static void test_requests_wake_few(void **context) {
     assert_true(count[2] > 0);
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_steps_allocate_nothing(void **context) {
@@ -126,8 +121,7 @@ static void test_steps_allocate_nothing(void **context) {
     cluster_run(&c);
     assert_all_ok(&c);
     assert_int_equal(allocations - c.allocations_at_step_5, 0);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // Two runs of one scene on one network keep apart by their sessions.
@@ -145,8 +139,7 @@ static void test_two_sessions_on_one_network(void **context) {
     assert_all_ok(&b);
     assert_true(pm_lockstep_node_drops(a.node[0])->count[PM_DROP_SESSION] > 0);
     cluster_close(&a);
-    cluster_close(&b);
-    pm_hub_close(hub);
+    cluster_end(&b);
 }
 
 // --- failures ---
@@ -163,8 +156,7 @@ static void test_who_waits_is_alive(void **context) {
     }
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // Who is silent for a while is named, once, and so is the end of the pause.
@@ -184,8 +176,7 @@ static void test_a_pause_is_told(void **context) {
     assert_all_ok(&c);
     assert_int_equal(c.pauses, 2);
     assert_string_equal(c.silent, "");
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // All processes are absent at once for longer than the patience, as in a frozen container, before
@@ -206,8 +197,7 @@ static void test_an_absence_of_all_is_no_silence(void **context) {
         cluster_run(&c);
         assert_all_ok(&c);
         assert_int_equal(c.pauses, 0);
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 
@@ -235,9 +225,8 @@ static void test_life_without_progress_ends(void **context) {
     assert_in_range((int)((c.now - start) / PATIENCE), 3, 4);
     assert_error(pm_lockstep_coordinator_result(c.coordinator), PM_ETIMEOUT, "link2");
     pm_lockstep_node_close(node);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_other_digest_is_refused_by_name(void **context) {
@@ -288,8 +277,7 @@ static void test_missing_node_is_named(void **context) {
     assert_all_failed(&c, PM_ETIMEOUT, "missing");
     assert_non_null(strstr((pm_lockstep_coordinator_result(c.coordinator), pm_error()), "link3"));
     assert_null(strstr(pm_error(), "link1"));
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_node_without_coordinator_gives_up(void **context) {
@@ -303,8 +291,7 @@ static void test_node_without_coordinator_gives_up(void **context) {
     c.coordinator_transport = NULL;
     cluster_run(&c);
     assert_error(pm_lockstep_node_result(c.node[1]), PM_ETIMEOUT, "no coordinator");
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // A node that stops in the middle of a run; the end of it names that node and no other.
@@ -325,8 +312,7 @@ static void test_dead_node_is_named(void **context) {
         }
     }
     pm_lockstep_node_close(dead);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_dead_coordinator_is_named(void **context) {
@@ -343,8 +329,7 @@ static void test_dead_coordinator_is_named(void **context) {
         assert_error(pm_lockstep_node_result(c.node[i]), PM_ETIMEOUT, "coordinator");
     }
     c.coordinator = dead;
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_failure_of_a_node_ends_all(void **context) {
@@ -358,8 +343,7 @@ static void test_failure_of_a_node_ends_all(void **context) {
     assert_true(took < 1);
     assert_all_failed(&c, PM_ENUMERIC, "link2 failed: z[2] is nan");
     assert_error(pm_lockstep_node_result(c.node[0]), PM_ENUMERIC, "link2");
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_divergence_ends_all(void **context) {
@@ -372,8 +356,7 @@ static void test_divergence_ends_all(void **context) {
     cluster_add(&c, 1, c.f.system, 0);
     cluster_run(&c);
     assert_all_failed(&c, PM_ENUMERIC, "link1");
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void test_failure_of_the_observer_ends_all(void **context) {
@@ -385,8 +368,7 @@ static void test_failure_of_the_observer_ends_all(void **context) {
     cluster_run(&c);
     assert_all_failed(&c, PM_EFILE, "the recording is full");
     assert_int_equal(c.steps_seen, 5);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // The failing node may also be paused, longer than it would otherwise wait for an answer.
@@ -404,8 +386,7 @@ static void test_failure_arrives_under_faults(void **context) {
         c.now += seed % 2 == 0 ? 1 : 0;
         cluster_run(&c);
         assert_all_failed(&c, PM_EINTERRUPTED, "link3 failed: interrupted");
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 
@@ -424,8 +405,7 @@ static void test_together_and_interrupted(void **context) {
             assert_int_equal(status, PM_OK);
             assert_int_equal(c.steps_seen, STEPS + 1);
         }
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 

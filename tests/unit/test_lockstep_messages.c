@@ -74,9 +74,8 @@ static void test_garbage_changes_nothing(void **context) {
     assert_true(drops->count[PM_DROP_COUNT] > 0);
     assert_true(drops->count[PM_DROP_SESSION] > 0);
     assert_true(drops->count[PM_DROP_IMPLAUSIBLE] > 0);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // Publishes one message and hands it to `listener`; it must be dropped for the reason `expected`.
@@ -303,9 +302,8 @@ static void test_later_coordinator_grants_anew(void **context) {
         }
         assert_int_equal(cluster_node_step(c.node[0]), ticks[i].step);
     }
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void count_message(void *context, const char *channel, const void *data, size_t size) {
@@ -353,9 +351,8 @@ static void test_requests_are_answered_once(void **context) {
     }
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 static void note_step(void *context, const char *channel, const void *data, size_t size) {
@@ -392,9 +389,8 @@ static int64_t last_shown(double tolerance) {
     }
     assert_int_equal(cluster_node_step(c.node[0]), 6);
     assert_int_equal(pm_transport_wait(stranger, 0, NULL), PM_OK);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
     return shown;
 }
 
@@ -418,8 +414,7 @@ static void test_repetitions_are_counted(void **context) {
     // 8 rounds a step, and one report a step from each node.
     assert_true(pm_lockstep_node_drops(c.node[0])->count[PM_DROP_REPEATED] >= 8 * STEPS);
     assert_true(pm_lockstep_coordinator_drops(c.coordinator)->count[PM_DROP_REPEATED] >= 2 * STEPS);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // --- names of channels ---

@@ -56,8 +56,7 @@ static void test_same_bits(void **context) {
             const double took = cluster_run(&c);
             assert_true(seed >= 3 || took < 0.19); // the nodes' lingering at the end
             assert_all_ok(&c);
-            cluster_close(&c);
-            pm_hub_close(hub);
+            cluster_end(&c);
         }
     }
 }
@@ -87,8 +86,7 @@ static void test_nobody_is_ahead_by_more_than_the_window(void **context) {
             }
             assert_all_ok(&c);
             assert_in_range(most, count > 2 || window > 1, window);
-            cluster_close(&c);
-            pm_hub_close(hub);
+            cluster_end(&c);
         }
     }
 }
@@ -120,9 +118,8 @@ static void test_reports_wait(void **context) {
         assert_in_range(reports, STEPS / LEAD, 3 + STEPS / (LEAD / 2));
         cluster_run(&c);
         assert_all_ok(&c);
-        cluster_close(&c);
         pm_transport_close(stranger);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 
@@ -142,8 +139,7 @@ static void test_slow_steps_are_reported(void **context) {
     }
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // Counts who requests the missing flux of link2.
@@ -175,9 +171,8 @@ static void test_the_flux_is_asked_for(void **context) {
     assert_string_equal(askers, "xx-x-");
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // A flux shows progress only if its step is granted and its session is that of the run.
@@ -222,9 +217,8 @@ static void test_forged_fluxes_grant_nothing(void **context) {
     }
     cluster_run(&c);
     assert_all_ok(&c);
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // --- the end of runs that fail ---
@@ -257,8 +251,7 @@ static void test_failure_leaves_nothing_untold(void **context) {
             cluster_run(&c);
             assert_all_failed(&c, PM_ENUMERIC, "link2 failed: z[2] is nan");
             assert_true(c.steps_seen > all);
-            cluster_close(&c);
-            pm_hub_close(hub);
+            cluster_end(&c);
         }
     }
 }
@@ -279,8 +272,7 @@ static void test_earliest_failure_counts(void **context) {
                          "the recording is full");
             assert_int_equal(c.steps_seen, all + 1);
         }
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 
@@ -294,8 +286,7 @@ static void test_nothing_is_booked_after_a_failure(void **context) {
         c.fail_at_step = step;
         cluster_run(&c);
         assert_int_equal(c.steps_seen, step + 1);
-        cluster_close(&c);
-        pm_hub_close(hub);
+        cluster_end(&c);
     }
 }
 

@@ -136,8 +136,7 @@ static void test_checkpoints_that_differ(void **context) {
                  "node link2 keeps a checkpoint every 7 steps, the run every 0");
     cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link2 keeps a checkpoint");
-    cluster_close(&c);
-    pm_hub_close(hub);
+    cluster_end(&c);
     scratch_close(&s);
 }
 
@@ -159,9 +158,8 @@ static void test_other_version(void **context) {
     assert_int_equal(pm_transport_publish(stranger, "chain_HELLO_link2", data, size), PM_OK);
     cluster_run(&c);
     assert_all_failed(&c, PM_ENET, "link2 speaks another version of the protocol");
-    cluster_close(&c);
     pm_transport_close(stranger);
-    pm_hub_close(hub);
+    cluster_end(&c);
 }
 
 // A second coordinator comes while the first waits for nodes or runs; other sessions do not matter.
@@ -184,8 +182,7 @@ static void test_second_coordinator(void **context) {
         assert_error(pm_lockstep_coordinator_result(second.coordinator), PM_ENET,
                      "there is a coordinator of scene chain already");
         finish(&first);
-        cluster_close(&second);
-        pm_hub_close(hub);
+        cluster_end(&second);
     }
 }
 
@@ -203,8 +200,7 @@ static void test_closed_runs(void **context) {
     assert_all_ok(&a);
     assert_all_ok(&b);
     cluster_close(&a);
-    cluster_close(&b);
-    pm_hub_close(hub);
+    cluster_end(&b);
 }
 
 int main(void) {
