@@ -300,6 +300,7 @@ static void take_choices(pm_logger_view *v, const int *chosen) {
     const bool sums = chosen[PM_LOGGER_INERTIA] == SUMMED_INERTIA;
     for (int c = 0; c < v->nvariable && sums; ++c) {
         v->turns[c] = v->turns[c] || pm_logger_hides_turning(v, c);
+        v->column[c].twice = v->column[c].angle;
     }
     for (int i = 0; i < v->npart; ++i) {
         v->inertial[i] = v->inertial[i] || sums;

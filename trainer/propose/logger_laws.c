@@ -475,7 +475,7 @@ static bool write_reach(const pm_logger_view *v, int q, int r, int k, char text[
     }
     if (a->angle && b->angle) { // of twice the angle, as of the square of its sine
         snprintf(text, PM_LOGGER_TEXT, k < 2 ? "%s(%.40s)" : "%s(2*%.40s)", wave, a->name);
-        return true;
+        return k < 2 || a->twice;
     }
     if (a->angle != b->angle) {
         snprintf(text, PM_LOGGER_TEXT, "%.40s/%.6g*%s(%.40s)", a->angle ? b->name : a->name,

@@ -672,6 +672,32 @@ static void add_squares(const pm_logger_view *v, term_list *list, int part) {
     }
 }
 
+// Returns true if squares of velocities times sines of twice an angle change velocities, beyond
+// what functions of the angle itself and forces do.
+static bool bends_twice(const pm_logger_samples *w, int angle, equations *work) {
+    const pm_logger_view *v = w->view;
+    const int part = v->column[angle].part;
+    double gain = 0, rest = 0;
+    for (int i = 0; i < v->nvariable; ++i) {
+        term_list terms = {0};
+        if (!pm_logger_is(v, i, part, PM_LOGGER_FLOW) || v->column[i].mate < 0) {
+            continue;
+        }
+        add_known(v, &terms, i);
+        for (int k = 1, known; k <= 2; ++k) {
+            known = terms.count;
+            for (int j = 0; j < v->nvariable; ++j) {
+                if (pm_logger_is(v, j, part, PM_LOGGER_FLOW) && v->column[j].mate >= 0) {
+                    add_angle(&terms, j, SQUARE, angle, k, k);
+                }
+            }
+            gain += k == 2 ? gain_of(w, i, &terms, known, work, NULL) : 0;
+            rest += k == 2 ? work->rest : 0;
+        }
+    }
+    return gain > GAINS && gain > PART * rest;
+}
+
 // Lengths of a part, in which a body may move in the plane or in space.
 typedef struct axes {
     int count;
@@ -1618,6 +1644,11 @@ pm_status pm_logger_find_terms(pm_logger_samples *w) {
             rest += work->rest;
         }
         v->inertial[part] = gain > GAINS && gain > LARGE_PART * rest;
+    }
+    for (int q = 0; q < v->nvariable; ++q) {
+        if (v->column[q].kind == PM_LOGGER_POSITION && v->column[q].angle) {
+            v->column[q].twice = bends_twice(w, q, work);
+        }
     }
     for (int i = 0; i < v->nvariable; ++i) {
         const pm_logger_column *y = &v->column[i];

@@ -103,6 +103,7 @@ typedef struct pm_logger_column {
     pm_unit dimension;
     bool angle;
     int harmonics; // of an angle: of energies, inertias and levers that depend on it
+    bool twice;    // of an angle: inertias that velocities share depend on twice the angle, too
     pm_logger_kind kind;
     int mate;            // of a position its velocity, of a velocity its position; -1
     double ratio;        // of a position: its rate over its velocity, such as a radius; 1 by units
