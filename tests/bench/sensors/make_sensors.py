@@ -6,6 +6,11 @@
 Writes 30 tables FOLDER/NAME/train_*.csv, with noise of that part of each column's deviation, and ten test_*.csv without
 noise. Inputs are drawn anew every few samples and held between them. The equations are those of textbooks; they know
 nothing of energies and ports. Hidden are the twist of a shaft, both polarisations of a cell, and the walls of a house.
+
+What `propose` and `fit` reach by default (2026-12-01, seed 0, at most 90 s of CPU): the median error of whole test runs in
+% of the deviation, worst column. Below 0.1: crane, twolink, ballbeam, flexjoint, drone, quartercar, quadtank, buck, pmsm, house,
+rooms. Below 0.5: furuta, balancebot, pneumatic, inductor, battery. Above: cylinder 2.4 (good), windturbine 8.8 (fair), twomass
+45 (poor; 0.04 with another draw) and reactor 302 (UNFIT: it is open, and no law exchanges amounts with the surroundings).
 """
 import argparse
 import pathlib
