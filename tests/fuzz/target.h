@@ -1,5 +1,5 @@
-// What every fuzz target shares: the function that receives the bytes, and a check that ends the
-// program.
+// This header declares what every fuzz target shares: the function that receives the bytes, and a
+// check that ends the program.
 #ifndef PM_TESTS_FUZZ_TARGET_H
 #define PM_TESTS_FUZZ_TARGET_H
 

@@ -1,5 +1,5 @@
-// What every unit and property test needs: cmocka with the headers that it wants before it, and
-// checks that say what they have found. Failures end the test.
+// This header has what every unit and property test needs: cmocka with the headers that it wants
+// before it, and checks that say what they have found. Failures end the test.
 #ifndef PM_TESTS_SUPPORT_UNIT_H
 #define PM_TESTS_SUPPORT_UNIT_H
 

@@ -208,11 +208,10 @@ static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivit
     double *noise = pm_arena_array(&e->arena, (size_t)e->ny, sizeof *noise);
     double *found = pm_arena_array(&e->arena, nz, sizeof *found);
     PM_TRY(pm_arena_status(&e->arena, "an estimate"));
-    bool any = false;
+    bool none = true, any = false;
     for (int i = 0; i < e->count; ++i) {
-        any = any || isfinite(least[i]);
+        none = none && !isfinite(least[i]);
     }
-    const bool none = !any;
     for (int i = 0; i < e->count && s->work < most; ++i) {
         double *start = e->start + (size_t)i * nz;
         double left = INFINITY;
@@ -233,17 +232,18 @@ static pm_status seek_singly(pm_estimate *e, pm_shooting *s, const pm_sensitivit
         s->work += one.work;
         pm_shooting_close(&one);
         pm_arena_free(&own.arena);
-        if (status == PM_ENUMERIC && none) {
-            pm_track_sample_states(s->tracks, i, how->system->scene, s->observation, 0, 1, start);
-        } else if (status == PM_OK && left < least[i]) {
+        PM_TRY(status == PM_ENUMERIC ? PM_OK : status);
+        if (status == PM_OK && left < least[i]) {
             memcpy(start, found, nz * sizeof *start);
-            memcpy(e->noise, noise, none && !any ? (size_t)e->ny * sizeof *noise : 0);
+            if (none && !any) {
+                memcpy(e->noise, noise, (size_t)e->ny * sizeof *noise);
+            }
             any = true;
-        } else if (status != PM_ENUMERIC) {
-            PM_TRY(status);
+        } else if (none) {
+            pm_track_sample_states(s->tracks, i, how->system->scene, s->observation, 0, 1, start);
         }
     }
-    return any ? PM_OK : PM_ENUMERIC;
+    return any || !none ? PM_OK : PM_ENUMERIC;
 }
 
 static pm_status find_starts(pm_estimate *e, pm_system *system, const pm_observation *o,
